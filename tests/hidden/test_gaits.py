@@ -15,7 +15,7 @@ from sandbot_model.fitting.fit import fit
 from sandbot_model.physics import tape
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.variants import AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, under
+from sandbot_model.physics.variants import AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, with_variants
 from sandbot_record.trials.table import Row, from_rows
 
 CLOCK = "slow_phase_speed"
@@ -59,7 +59,7 @@ def test_the_effect_leaves_nothing_to_explain_and_has_its_true_strength(name, ga
 @EACH
 def test_a_formula_that_overlooks_the_phases_fits_worse(name):
     """Control: motors by the mean rate come near, at another ω_s."""
-    overlooked = fitted(cells(name), name, under({name: HIDDEN[name][2]}, EFFECTS))
+    overlooked = fitted(cells(name), name, with_variants({name: HIDDEN[name][2]}, EFFECTS))
     assert overlooked.deviance > fitted(cells(name), name).deviance + 20
 
 

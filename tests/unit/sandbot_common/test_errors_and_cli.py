@@ -179,5 +179,7 @@ def test_output_that_a_full_disk_takes_no_more_of_is_told_and_the_work_is_done(t
     words = ["sh", "-c", '"$@" >/dev/full', "sh", sys.executable, "-c", code, str(tmp_path / "out.txt")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == BAD_INPUT
-    assert done.stderr == "-c: error: output: No space left on device; what was written to files of its own is complete\n"
+    assert (
+        done.stderr == "-c: error: output: No space left on device; what was written to files of its own is complete\n"
+    )
     assert (tmp_path / "out.txt").read_text() == "whole"

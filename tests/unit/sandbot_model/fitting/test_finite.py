@@ -40,7 +40,7 @@ NONE = {
 
 
 @pytest.mark.parametrize("text", NONE)
-def test_an_effect_that_gives_no_number_is_refused_with_where(cells, text):
+def test_an_effect_that_gives_not_finite_is_refused_with_where(cells, text):
     with pytest.raises(InputError) as raised:
         fit(with_formulas(text), cells)
     said = str(raised.value)
@@ -77,8 +77,8 @@ def test_the_project_s_own_effects_give_numbers_in_all_conventions_and_are_not_t
         for effect in (EFFECTS[name], *variants_of(EFFECTS[name]))
     ]
     starts = [np.array([[one.start for one in model.parameters]]) for model in models]
-    assert not any(finite._no_number(model, cells, theta).any() for model, theta in zip(models, starts, strict=True))
-    monkeypatch.setattr(finite, "_no_number", None)
+    assert not any(finite._not_finite(model, cells, theta).any() for model, theta in zip(models, starts, strict=True))
+    monkeypatch.setattr(finite, "_not_finite", None)
     for model in models:
         check_finite(model, cells)
 

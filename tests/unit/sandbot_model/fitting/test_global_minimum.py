@@ -13,10 +13,10 @@ from sandbot_model.fitting.global_minimum import (
     best_state,
     solve,
     solve_first,
+    solve_from,
     solve_further,
     solve_jumping,
     solve_near,
-    solve_on,
     worth_jumps,
 )
 from sandbot_model.fitting.likelihood import Problem
@@ -84,7 +84,7 @@ def test_where_data_do_not_mind_a_parameter_it_stays_in_its_plausible_range(draw
     at, nuisances = model.names.index("disturbed_ground.k_l_n_per_m"), nuisances_for(found, DEFAULT)
     outside = found.point.theta.copy()
     outside[at] = 155.0
-    point = solve_on((model, cells, replace(found.point, theta=outside), nuisances))
+    point = solve_from((model, cells, replace(found.point, theta=outside), nuisances))
     assert 165.0 <= point.theta[at] <= 185.0
     beside = fitted_at(model, cells, point, nuisances)
     assert beside.deviance < fitted_at(model, cells, replace(point, theta=outside), nuisances).deviance + 1.0

@@ -119,7 +119,7 @@ def test_a_fit_beside_offsets_is_where_its_own_likelihood_begins(cells):
     found = fitted_at(MODEL, apart, solve_near((MODEL, apart, (plain.warm_start,), free)), free)
     moved = fitted_at(MODEL, apart, replace(found.point, shared=np.array([0.02])), free)
     for one in (found, moved):
-        np.testing.assert_array_equal(one.nuisances.about, [value for value, _ in one.shared])
+        np.testing.assert_array_equal(one.nuisances.initial, [value for value, _ in one.shared])
         again = one.problem.states(*(part[None] for part in (one.point.theta, one.point.ln_k, one.point.slope)))
         assert again.deviance[0] == pytest.approx(one.deviance)
 

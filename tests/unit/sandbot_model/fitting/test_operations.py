@@ -120,14 +120,14 @@ def test_at_once_it_stands_where_it_stands_step_by_step(name):
     some = model(EFFECTS[name])
     _, operations, points = both(some, theta_of(some, [0.1, 0.4, 0.8]), np.tile([168.0, 180.0, 195.0], (3, 1)))
     points = replace(points, k=points.k[..., 1:2] * (1 + 0.01 * NODES))
-    apart = np.ones((1, len(OMEGA)), dtype=bool)
-    apart[0, 1] = False
-    footing, values, share = operations.stood(points, apart)
+    independent = np.ones((1, len(OMEGA)), dtype=bool)
+    independent[0, 1] = False
+    footing, values, share = operations.footing_and_values(points, independent)
     expected = operations.footing(points)
     for part, value in vars(expected).items():
         np.testing.assert_array_equal(getattr(footing, part), value)
     np.testing.assert_array_equal(values, operations.values(NAMES, points, vars(expected).values()))
-    found = switches_of(operations, points, expected, apart, remembers=some.walker.remembers)
+    found = switches_of(operations, points, expected, independent, remembers=some.walker.remembers)
     assert sum(len(switches.row) for _, switches in found)
     np.testing.assert_array_equal(share, share_of_nodes(found, points.shape))
 

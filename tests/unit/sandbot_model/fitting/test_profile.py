@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.profile import deepest, profile
+from sandbot_model.fitting.profile import lowest_in_profiles, profile
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -33,11 +33,11 @@ def test_a_profile_holds_its_parameter_and_fits_the_others(drawn):
 
 
 def test_a_fit_on_the_wrong_stair_moves_to_the_lowest(drawn):
-    lowest = deepest(fitted(drawn, "disturbed_ground", levels=7))
+    lowest = lowest_in_profiles(fitted(drawn, "disturbed_ground", levels=7))
     s_c = lowest.model.names.index("disturbed_ground.s_c")
     theta = lowest.point.theta + 0.03 * (np.arange(len(lowest.point.theta)) == s_c)
     on_another = fitted_at(lowest.model, lowest.cells, replace(lowest.point, theta=theta))
-    found = deepest(on_another)
+    found = lowest_in_profiles(on_another)
     assert on_another.deviance > lowest.deviance + 5
     assert found.deviance == pytest.approx(lowest.deviance, abs=1.0)
-    assert deepest(lowest) is lowest
+    assert lowest_in_profiles(lowest) is lowest

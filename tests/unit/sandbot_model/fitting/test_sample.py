@@ -8,7 +8,7 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.nuisances import Nuisances
-from sandbot_model.fitting.sample import _beside_single_conditions, _Ensemble, moments
+from sandbot_model.fitting.sample import _Ensemble, _single_cell_offsets_marginalised, moments
 
 
 def known(found: Fit) -> np.ndarray:
@@ -75,7 +75,7 @@ def test_what_it_is_off_by_on_a_day_is_sampled(smooth):
     cells = len(smooth.cells)
     days = np.repeat([[1.0, 0.0], [0.0, 1.0]], [4, cells - 4], axis=0)
     off = beside(smooth, np.column_stack([days, np.eye(cells)]), 0.004)
-    problem, begin = _beside_single_conditions(off.problem, off.state)
+    problem, begin = _single_cell_offsets_marginalised(off.problem, off.state)
     assert problem.nuisances.by_ln_k.tolist() == days.tolist()
     assert _Ensemble(problem, begin, known(smooth)).bed.sum() == 2
 
@@ -84,5 +84,5 @@ def test_a_member_that_is_lost_is_put_where_others_are(smooth):
     ensemble = _Ensemble(smooth.problem, smooth.state, known(smooth))
     members = np.repeat(ensemble.here[None], 10, axis=0)
     members[3] += 0.5
-    found = ensemble.found_again(emcee.State(members, log_prob=ensemble.ln_probability(members)))
+    found = ensemble.strays_replaced(emcee.State(members, log_prob=ensemble.ln_probability(members)))
     np.testing.assert_array_equal(found, np.repeat(ensemble.here[None], 10, axis=0))

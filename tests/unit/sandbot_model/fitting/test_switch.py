@@ -143,6 +143,8 @@ def test_a_collapse_does_not_jump_as_k_moves_it_over_the_nodes(drawn, monkeypatc
     collapse = int(np.flatnonzero((cells.omega > 20) & (cells.mean[:, 0] > 0.2))[0])
     assert largest_jump(collapse) < 0.1
     # Control: by the weights of the nodes alone it does.
-    stood = CompiledChains.stood
-    monkeypatch.setattr(CompiledChains, "stood", lambda *of: (*(found := stood(*of))[:2], found[2] * 0 + WEIGHTS))
+    evaluated = CompiledChains.footing_and_values
+    monkeypatch.setattr(
+        CompiledChains, "footing_and_values", lambda *of: (*(found := evaluated(*of))[:2], found[2] * 0 + WEIGHTS)
+    )
     assert largest_jump(collapse) > 0.4

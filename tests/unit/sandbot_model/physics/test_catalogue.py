@@ -107,13 +107,13 @@ def test_an_import_that_never_was_is_refused(tmp_path):
         ),
         (
             OWN.replace('"gain"),', '"gain"), Parameter("a", "1", 0.0, 0.2, 0.1, "more"),'),
-            "Boost: parameter 'a' is there twice",
+            "Boost: parameter 'a' is declared twice",
         ),
         (OWN.replace("0.5, 0.1", "0.5, 0.9"), "a: start 0.9 is not within 0.0 to 0.5"),
         (OWN.replace('0.5, 0.1, "gain"', "0.5"), "TypeError: .* missing 2 required"),
         (OWN.replace('p["a"]', 'p["b"]'), "Boost.apply: KeyError: 'b'"),
         (OWN.replace("chain.k = ", "chain.kk = "), "Boost.apply: AttributeError: 'Chain' object has no attribute 'kk'"),
-        (OWN.replace("(1 +", "(float('nan') +"), "Boost.apply: gives no number"),
+        (OWN.replace("(1 +", "(float('nan') +"), "Boost.apply: gives no finite number"),
         (
             OWN.replace("    def apply", "    def __init__(self, x):\n        pass\n\n    def apply"),
             "missing 1 required",

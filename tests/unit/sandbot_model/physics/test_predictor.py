@@ -7,7 +7,7 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.predictor import PredictorParameters, predictor_of
-from sandbot_model.physics.variants import under
+from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import Inputs, Walker
 
 PARAMETERS = PredictorParameters()
@@ -88,7 +88,7 @@ def test_a_result_is_run_under_the_convention_that_was_fitted(tmp_path, kept):
         return predictor_of(PredictorParameters(result=str(path))).mean_speed(0.6, 16.0)
 
     found = speed(convention, {}) if kept == "step" else speed({}, convention)
-    variant = under(convention["variants"], catalogue())["cable_drag"]
+    variant = with_variants(convention["variants"], catalogue())["cable_drag"]
     assert found == Walker((variant,)).predict(Inputs(205.0, 16.0, 0.4), [{"f_c_n": 0.5}]).speed_m_s
     assert abs(found - speed({}, {})) > 0.01
 
@@ -146,8 +146,11 @@ def test_effects_and_values_by_name():
         ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
         ({"phi": (0.58, 0.6)}, "as many values"),
         ({"result": "none.json"}, "no such file"),
-        ({"result": "res.json", "model": "full"}, "model: result res.json tells the whole model; leave one of the two"),
-        ({"result": "res.json", "delta_t_s": 0.3}, "delta_t_s: result res.json tells the whole model"),
+        (
+            {"result": "res.json", "model": "full"},
+            "model: result res.json specifies the whole model; leave one of the two",
+        ),
+        ({"result": "res.json", "delta_t_s": 0.3}, "delta_t_s: result res.json specifies the whole model"),
     ],
 )
 def test_refuses_what_does_not_fit(given, message):

@@ -66,7 +66,7 @@ def test_what_is_the_same_at_all_points_is_done_once_for_them_and_so_is_what_is_
     assert [machine.NUMBER[name] for name in names] == scan.code[:, 0].tolist()
     assert levels.tolist() == [1, 4, 6]
     # A result is put down at all points where something that is not the same at all of them reads it.
-    each, once, spread = machine.EACH, machine.ONCE, machine.SPREAD
+    each, once, spread = machine.EACH, machine.ONCE, machine.BROADCAST
     assert scan.code[:, 5].tolist() == [each, once, spread, each, spread, each, each, each]
 
 

@@ -9,7 +9,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.variants import NEW, VARIANTS, under, variants_of
+from sandbot_model.physics.variants import NEW, VARIANTS, variants_of, with_variants
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_model.report.effect_facts import words
 
@@ -43,12 +43,12 @@ def test_a_variant_can_be_typed_as_an_effect_beside_its_family(family, variant):
 
 def test_a_catalogue_under_other_conventions_is_the_same_but_for_these():
     usual = catalogue()
-    found = under({"leg_slip": "the first step spared"}, usual)
+    found = with_variants({"leg_slip": "the first step spared"}, usual)
     assert list(found) == list(usual)
     assert [name for name in usual if found[name] is not usual[name]] == ["leg_slip"]
     assert found["leg_slip"].variant == "the first step spared"
     with pytest.raises(KeyError):
-        under({"leg_slip": "none"}, usual)
+        with_variants({"leg_slip": "none"}, usual)
 
 
 def test_every_family_with_variants_is_in_the_catalogue():

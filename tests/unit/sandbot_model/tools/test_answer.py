@@ -24,7 +24,7 @@ from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.variants import under
+from sandbot_model.physics.variants import with_variants
 from sandbot_model.report import figure_sections, rivals
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
@@ -191,7 +191,7 @@ def test_of_one_that_is_identified_it_is_said_and_offered(two):
 @pytest.mark.parametrize("variant", ["the first step spared", ""])
 def test_how_to_repeat_another_convention_is_said_and_switched_on(two, variant):
     """What is said, and what the explorer switches on, gives the same fit; control: the catalogue's convention."""
-    effects = under({"leg_slip": variant} if variant else {}, catalogue())
+    effects = with_variants({"leg_slip": variant} if variant else {}, catalogue())
     fit = compare_fits(two.cells, effects, ["leg_slip"]).fit
     found = replace(
         two, steps=(two.steps[0], fit), verdict=replace(two.verdict, status="identified", alternatives=(("leg_slip",),))

@@ -32,7 +32,7 @@ from sandbot_model.discovery.verdict import (
     sound,
 )
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
+from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near, solve_near_unless_hopeless
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant, variants_of
 
@@ -204,7 +204,7 @@ def _near(
         gains = usual is not None and smaller.deviance - usual.deviance > search.criteria.claim
         starts = (smaller.warm_start, *((usual.warm_start,) if usual and gains else ()), *also)
         tasks.append((model, search.cells, starts, None, hopeless))
-    points = search.fit_all(solve_below, tasks)
+    points = search.fit_all(solve_near_unless_hopeless, tasks)
     return search.fits_with_plausible_delta_t(models, points)
 
 

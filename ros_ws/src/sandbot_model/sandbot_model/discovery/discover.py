@@ -57,7 +57,7 @@ from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
-from sandbot_model.fitting.profile import deepest
+from sandbot_model.fitting.profile import lowest_in_profiles
 from sandbot_model.fitting.text import WIDTH, html_table, table
 from sandbot_model.physics.effect import Effect
 
@@ -274,7 +274,7 @@ def _reported(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
 
 
 def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
-    lower = deepest(refitted_globally(named))
+    lower = lowest_in_profiles(refitted_globally(named))
     # Along a flat valley the lowest point may be implausible.
     named = lower if sound(lower) or not sound(named) else named
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)

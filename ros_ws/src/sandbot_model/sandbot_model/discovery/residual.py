@@ -18,7 +18,7 @@ from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.discovery.verdict import leaves_nothing
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near
+from sandbot_model.fitting.global_minimum import far_above, solve_near, solve_with_nuisances
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.text import cm_s
 from sandbot_model.physics.effect import Effect
@@ -142,7 +142,9 @@ def _tried(
         if nearby:
             points = fit_all(solve_near, [(model, fit.cells, (fit.warm_start,), fit.nuisances) for model in models])
         else:
-            points = fit_all(solve_beside, [(model, fit.cells, fit.warm_start, fit.nuisances) for model in models])
+            points = fit_all(
+                solve_with_nuisances, [(model, fit.cells, fit.warm_start, fit.nuisances) for model in models]
+            )
         for guess, model, point in zip(some, models, points, strict=True):
             end = fitted_at(model, fit.cells, point, fit.nuisances)
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))

@@ -51,7 +51,7 @@ from sandbot_model.discovery.verdict import (
     sound,
 )
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
+from sandbot_model.fitting.global_minimum import far_above, solve_from, solve_near, solve_with_nuisances
 from sandbot_model.fitting.profile import lowest_along
 
 LEADING = 6
@@ -130,7 +130,7 @@ def refitted_globally(fit: Fit) -> Fit:
     """
     if fit.nuisances is None or not fit.model.walker.remembers:
         return fit
-    point = solve_beside((fit.model, fit.cells, None, fit.nuisances))
+    point = solve_with_nuisances((fit.model, fit.cells, None, fit.nuisances))
     found = fitted_at(fit.model, fit.cells, point, fit.nuisances)
     return min(fit, found, key=lambda fit: fit.deviance)
 
@@ -323,7 +323,7 @@ def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, ba
     assert larger.nuisances is not None
     for part in parts_of(names, fits):
         before = fits[part]
-        own = replace(nuisances_for(before, criteria, batch_sd), about=larger.nuisances.about)
+        own = replace(nuisances_for(before, criteria, batch_sd), initial=larger.nuisances.initial)
         point = solve_near((before.model, before.cells, (larger.warm_start,), own))
         better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
         if before.model.walker.remembers and better.deviance < far_above(larger.deviance):
@@ -361,7 +361,7 @@ def _fitted_from(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], b
         own = [nuisances_for(fit, search.criteria, batch_sd) for fit in fits]
         starts = [fit.point for fit in fits] if later else origins
         tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
-        points = search.fit_all(solve_on if later else solve_near, tasks)
+        points = search.fit_all(solve_from if later else solve_near, tasks)
         found = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
         stayed = [fitted_at(fit.model, fit.cells, fit.point, at) for fit, at in zip(fits, own, strict=True)]
         fits = [min(both, key=lambda fit: fit.deviance) for both in zip(found, stayed, strict=True)]
@@ -382,8 +382,8 @@ def _on_rough_ground(search: EffectSearch) -> Fit:
     """
     if search.base_on_rough_bed is None:
         plain = search.fits[()]
-        own = nuisances_for(plain, search.criteria).rougher(ROUGH_FACTOR * search.criteria.bed_scatter)
-        point = solve_beside((plain.model, plain.cells, None, own))
+        own = nuisances_for(plain, search.criteria).with_k_scatter(ROUGH_FACTOR * search.criteria.bed_scatter)
+        point = solve_with_nuisances((plain.model, plain.cells, None, own))
         search.base_on_rough_bed = fitted_at(plain.model, plain.cells, point, own)
     return search.base_on_rough_bed
 

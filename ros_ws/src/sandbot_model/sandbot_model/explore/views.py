@@ -202,7 +202,7 @@ def fitted_values(effect: Effect, fit: Fit) -> str:
     for name, estimate in fit.parameters.items():
         if name.startswith(f"{effect.identifier}."):
             words, unit = text.described(name, [effect])
-            parts.append(f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {fit.said(*estimate)} {unit}")
+            parts.append(f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {fit.value_text(*estimate)} {unit}")
     return "; ".join(part.strip() for part in parts)
 
 
@@ -234,9 +234,9 @@ def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Eff
     rows = []
     for name, estimate in fit.parameters.items():
         words, unit = text.described(name, effects.values())
-        rows.append((words, f"{held[name]:.5g} (held)" if name in held else fit.said(*estimate), unit))
+        rows.append((words, f"{held[name]:.5g} (held)" if name in held else fit.value_text(*estimate), unit))
     for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
-        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", fit.said(k, stderr), "N/m"))
+        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", fit.value_text(k, stderr), "N/m"))
     return rows
 
 

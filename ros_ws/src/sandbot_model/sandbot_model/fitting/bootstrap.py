@@ -1,7 +1,7 @@
 """Standard errors by a bootstrap over trials: how much the parameters would vary with other replicates.
 
-What trials of a batch share varies with the batches, which are drawn whole where each of them has trials at every
-level of φ (Davison & Hinkley 1997, sec. 3.8). Else trials are drawn with replacement within their cell (Efron &
+Batches are drawn whole, so that what their trials share varies too, if each of them has trials at every level of φ
+(Davison & Hinkley 1997, sec. 3.8). Otherwise trials are drawn with replacement within their cell (Efron &
 Tibshirani 1993, ch. 6), so that every condition stays in.
 """
 
@@ -24,7 +24,7 @@ from sandbot_record.trials.table import Trials
 Ints = NDArray[np.int64]
 Values = dict[str, float]
 LEAST_BATCHES = 3
-"""Fewer say nothing of how far batches differ."""
+"""With fewer, batches are not drawn: they say too little about how far batches differ."""
 
 
 def bootstrap(
@@ -41,12 +41,12 @@ def bootstrap(
     """Standard error of every parameter, and of k at each level as ``k[i]``, from ``draws`` refits.
 
     ``readings`` are a penetrometer's, the same in every draw; ``near`` is where the fits begin, ``fit_all`` maps them
-    (see ``parallel``) and ``each`` wraps what comes in, as a progress bar does. Every draw has a seed of its own: the
-    result does not depend on who fits. Draws of n trials from n vary by (n - 1)/n less than new trials would; the
-    result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
+    (see ``parallel``) and ``each`` wraps the results, as a progress bar does. Every draw has a seed of its own, so that
+    the result does not depend on the number of workers. The variance of draws of n trials from n is (n - 1)/n of that
+    of new trials; the result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
     """
     if draws < 2:
-        raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
+        raise InputError(f"--bootstrap: {draws} draws give no spread; 2 or more are needed")
     trials = trials.select(trials.usable)
     batches = _batches(trials)
     groups = batches or _cells(trials)
@@ -83,7 +83,7 @@ def _redraw(
 
 
 def _batches(trials: Trials) -> list[Ints]:
-    """Indices of the trials of each batch, where any of them could stand for another; else none."""
+    """Indices of the trials of each batch, if batches are exchangeable; otherwise none."""
     names, batch = np.unique(np.asarray(trials.batch, dtype=str), return_inverse=True)
     level = np.asarray(phi_levels(np.asarray(trials.phi, dtype=float)))
     everywhere = len(set(zip(batch.tolist(), level.tolist(), strict=True))) == len(names) * len(np.unique(level))

@@ -1,4 +1,4 @@
-"""What a model says of the mean of every cell, and how far that scatters: the heart of ``likelihood``."""
+"""A model's prediction of the mean of every cell, with its covariance: the core of ``likelihood``."""
 
 from dataclasses import astuple, replace
 from functools import cached_property
@@ -11,7 +11,7 @@ from sandbot_model.fitting import kernels
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
-from sandbot_model.fitting.switch import Switches, share_of_nodes, switches_of, turn
+from sandbot_model.fitting.switch import Switches, add_switch_slopes, share_of_nodes, switches_of
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.averaging import (
     NODES,
@@ -26,17 +26,17 @@ from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import Footing, KCurve
 
 LEAST_SPREAD = 1e-3
-"""σ_k/k that is always averaged over: a bed is never perfect, and a fit needs a switch that is not a cliff."""
+"""Least σ_k/k averaged over: no bed is perfectly uniform, and a switch must not be a cliff to a fit."""
 STEP = 1e-5
 """Relative step of the derivatives."""
 DEPTH_STEP_M = 1e-8
 FAR = 20.0
-"""An offset of ln k that no bed has: a wild step goes no farther, and is taken back for its deviance."""
+"""Clip of an offset of ln k, beyond any bed's: a step that reaches it is rejected for its deviance."""
 
 
 class Measured(NamedTuple):
-    """Of the cell means: which values ``(cells, 4)`` count, these, covariance and its whitening ``(cells, 4, 4)``, and
-    the ln of its determinant ``(cells,)``."""
+    """Measured cell means: which exist and their values ``(cells, 4)``, covariance and its whitening ``(cells, 4, 4)``,
+    ln of its determinant ``(cells,)``."""
 
     which: Bool
     mean: Array
@@ -45,8 +45,8 @@ class Measured(NamedTuple):
     log_det: Array
 
 
-class Said(NamedTuple):
-    """What is said of the cells, see ``States``."""
+class Evaluation(NamedTuple):
+    """Prediction and likelihood of the cells, see ``States``."""
 
     footing: Footing
     predicted: Array
@@ -57,8 +57,8 @@ class Said(NamedTuple):
 
 
 class CellMeans:
-    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is what ln k of
-    a cell is off its level's by, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
+    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is the offset of
+    a cell's ln k from its level's, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
 
     def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd
@@ -72,58 +72,60 @@ class CellMeans:
 
     @cached_property
     def _table(self) -> tuple[Conditions, Ints]:
-        """Each way to turn the legs at the φ of every level, and which of them is a cell's."""
+        """Each distinct (ω, clock) at the φ of every level, and the index of each cell's."""
         turning = np.stack([self.cells.omega, *astuple(self.cells.clock)])
         (omega, *clock), of_cell = np.unique(turning, axis=1, return_inverse=True)
         level_phi = np.repeat(self.cells.level_phi[:, None], len(omega), axis=1)
         return Conditions.of(self.walker, omega, level_phi, Clock(*clock)), of_cell
 
-    def said(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
+    def evaluate(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Evaluation:
         """Prediction and likelihood of all cells."""
         points, track = self._points(theta, ln_k, slope, moved)
-        replicates = self._independent(ln_k, slope)
-        footing, values, share = self._stood(points, self._apart(replicates))
-        return self._judged(footing, share, values, track, replicates)
+        replicates = self._effective_replicates(ln_k, slope)
+        footing, values, share = self._footing_and_values(points, self._independent(replicates))
+        return self._likelihood(footing, share, values, track, replicates)
 
-    def said_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
-        """Prediction and likelihood of cell i by row i, in one row."""
+    def evaluate_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Evaluation:
+        """Prediction and likelihood of cell i at row i of the parameters, in one row."""
         points, track = self._points(theta, ln_k, slope, moved, by_row=True)
-        replicates = np.ascontiguousarray(_own(self._independent(ln_k, slope))[None])
-        footing, values, share = self._stood(points, self._apart(replicates).T)
+        replicates = np.ascontiguousarray(_diagonal(self._effective_replicates(ln_k, slope))[None])
+        footing, values, share = self._footing_and_values(points, self._independent(replicates).T)
         parts = (np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values())
         footing, share = Footing(*parts), np.ascontiguousarray(np.swapaxes(share, 0, 1))
-        return self._judged(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
+        return self._likelihood(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
 
-    def read(self, nuisances: Nuisances, said: Said, shared: Array) -> tuple[Said, Array]:
-        """The same beside readings off their zero or scale, and all nuisances ``(rows, m)``; of these readings are the
-        most likely ones where ``shared`` has none."""
+    def with_reading_errors(self, nuisances: Nuisances, cells: Evaluation, shared: Array) -> tuple[Evaluation, Array]:
+        """The same with zero offsets and scale errors of the readings, and the values of all nuisances ``(rows, m)``:
+        those of the readings are the most likely ones where ``shared`` is NaN."""
         which, (sd, slope) = ~nuisances.moves_k, nuisances.of_readings
-        without = said.whiten, said.predicted, said.residual, said.deviance
-        told = np.ascontiguousarray(shared[:, which] / sd)
-        values, predicted, residual, deviance = kernels.read(told, slope * sd, self.measured.which, without)
+        without = cells.whiten, cells.predicted, cells.residual, cells.deviance
+        given = np.ascontiguousarray(shared[:, which] / sd)
+        values, predicted, residual, deviance = kernels.with_reading_errors(
+            given, slope * sd, self.measured.which, without
+        )
         found = shared.copy()
         found[:, which] = values * sd
-        return said._replace(predicted=predicted, residual=residual, deviance=deviance), found
+        return cells._replace(predicted=predicted, residual=residual, deviance=deviance), found
 
-    def _stood(self, points: Points, apart: Bool) -> tuple[Footing, Array, Array]:
-        """See ``CompiledChains.stood``; step by step where the chain could not be recorded."""
+    def _footing_and_values(self, points: Points, independent: Bool) -> tuple[Footing, Array, Array]:
+        """See ``CompiledChains.footing_and_values``; computed on arrays where the chain could not be recorded."""
         if isinstance(self.chains, CompiledChains):
-            return self.chains.stood(points, apart)
+            return self.chains.footing_and_values(points, independent)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
-        return footing, values, share_of_nodes(self._switches(points, footing, apart), points.shape)
+        return footing, values, share_of_nodes(self._switches(points, footing, independent), points.shape)
 
-    def _switches(self, points: Points, footing: Footing, apart: Bool) -> list[tuple[str, Switches]]:
-        return switches_of(self.chains, points, footing, apart, remembers=self.walker.remembers)
+    def _switches(self, points: Points, footing: Footing, independent: Bool) -> list[tuple[str, Switches]]:
+        return switches_of(self.chains, points, footing, independent, remembers=self.walker.remembers)
 
-    def _apart(self, replicates: Array) -> Bool:
-        """Where replicates walk or swim each by itself: those that share more of k than they do not do so together."""
+    def _independent(self, replicates: Array) -> Bool:
+        """Cells whose replicates walk or swim independently: if most of k's scatter is shared, they do so together."""
         return np.asarray(replicates >= 0.5 * self._replicates)
 
-    def _judged(self, footing: Footing, share: Array, values: Array, track: Array, replicates: Array) -> Said:
+    def _likelihood(self, footing: Footing, share: Array, values: Array, track: Array, replicates: Array) -> Evaluation:
         between = share_between_trials(self.along, self.cells.phi_scatter, track)
         of = self._weights(values, share), share, self.measured, between, replicates
-        return Said(footing, *kernels.judged(values, footing.walking, WEIGHTS, *of))
+        return Evaluation(footing, *kernels.cell_likelihood(values, footing.walking, WEIGHTS, *of))
 
     def jacobian(
         self,
@@ -139,11 +141,12 @@ class CellMeans:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 
         By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain
-        for all parameters at once, no solving, and no node across a switch. With ``switches`` these move as well.
+        for all parameters at once, without solving for the depth and without moving a node across a switch. With
+        ``switches`` the derivatives due to moving switches are added.
         """
         rows, count = theta.shape
         here, _ = self._points(theta, ln_k, slope, moved)
-        found = self._switches(here, feet, self._apart(self._independent(ln_k, slope)))
+        found = self._switches(here, feet, self._independent(self._effective_replicates(ln_k, slope)))
         step = STEP * np.maximum(np.abs(theta), 1e-3)
         # First axis: each parameter, ln k, depth, and the point itself.
         theta = np.repeat(theta[None], count + 3, axis=0)
@@ -164,7 +167,7 @@ class CellMeans:
         local = kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten)
         for margin, these in found if switches else ():
             of = values, whiten, which
-            turn(local, self.chains, points, margin, these, steps, of, along_the_track=self.along)
+            add_switch_slopes(local, self.chains, points, margin, these, steps, of, along_the_track=self.along)
         return np.asarray(local)
 
     def spread(self, local: Array) -> Array:
@@ -178,10 +181,10 @@ class CellMeans:
     def profiled(
         self, theta: Array, slope: Array, k_curve: Array, k_grid: Array, same: Array, cross: Array
     ) -> tuple[Array, Array]:
-        """Least deviance over k for each θ ``(m,)``, and that k ``(m, levels)``; see ``starts``.
+        """Least deviance over k for each θ ``(m,)``, and the minimising k ``(m, levels)``; see ``starts``.
 
-        ``same (m, levels, k)`` and ``cross (m, levels, k - 1)`` are S_00 and S_01 so far. Levels share a table of
-        predictions unless something depends on φ.
+        ``same (m, levels, k)`` and ``cross (m, levels, k - 1)`` are the sums S_00 and S_01 to be added to. All levels
+        share one table of predictions unless something else than k depends on φ.
         """
         cells, (at, of_cell) = self.cells, self._table
         phi = at.phi if self.chains.uses_phi else at.phi[:1]
@@ -207,7 +210,7 @@ class CellMeans:
     ) -> tuple[Points, Array]:
         """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``.
 
-        ``by_row``: those of cell i in row i alone.
+        With ``by_row``, only those of cell i in row i.
         """
         cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(np.clip(moved, -FAR, FAR))
         each = np.arange(len(cells)) if by_row else None
@@ -216,17 +219,17 @@ class CellMeans:
         track, sigma_phi = np.zeros((1, 1)), self._sigma_phi
         if self.chains.varies_phi:
             k = level_k[:, cells.level] * factor
-            at = Points(theta, where, _own(k)[:, None, None] if by_row else k[..., None], curve)
+            at = Points(theta, where, _diagonal(k)[:, None, None] if by_row else k[..., None], curve)
             feet = np.full(at.shape, 0.01), np.ones(at.shape)
             track = self.chains.values(("sigma_phi",), at, (*feet, *feet))[0, ..., 0]
             sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
         k = kernels.node_k(level_k, slope, self._level, factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
-        return Points(theta, where, np.ascontiguousarray(_own(k)[:, None]) if by_row else k, curve), track
+        return Points(theta, where, np.ascontiguousarray(_diagonal(k)[:, None]) if by_row else k, curve), track
 
-    def _independent(self, ln_k: Array, slope: Array) -> Array:
-        """Replicates in terms of which the nodes' scatter is that of the mean ``(rows or 1, cells)``.
+    def _effective_replicates(self, ln_k: Array, slope: Array) -> Array:
+        """Effective number of replicates ``(rows or 1, cells)``: variance over the nodes divided by that of the mean.
 
-        n, down to 1 where all of it is shared.
+        It is n, down to 1 where replicates share all of the scatter.
         """
         if not self.ln_k_sd.any():
             return self._replicates[None]
@@ -235,7 +238,7 @@ class CellMeans:
         return np.ascontiguousarray((own + shared) / (own / self._replicates + shared))
 
 
-def _own(each: Array) -> Array:
-    """Row i's value for cell i, ``(cells, ...)`` of ``(rows or 1, cells, ...)``."""
+def _diagonal(each: Array) -> Array:
+    """The value of cell i in row i: ``(cells, ...)`` from ``(rows or 1, cells, ...)``."""
     at = np.arange(each.shape[1])
     return each[at % len(each), at]

@@ -1,10 +1,10 @@
 """At which stage of the chain a model fails: force balance d(ω, φ), geometry s(d), timing v(s), memory of the ground.
 
-Each test compares two measured things, or one with the model, that only this stage connects:
+Each test compares two measured quantities, or one with the model, that are linked by that stage alone:
 
     balance   lift against the model              Δz = 2R - h - d
     speed     mean speed against the lift's step  v̄ = ω s(Δz)/π, nothing fitted
-    memory    first step against the lift's step  s_1 = s(Δz): virgin ground or a standing start differ if not
+    memory    first step against the lift's step  s_1 = s(Δz), unless virgin ground or a standing start matter
     clock     peak of v_x(t) against the model
 """
 
@@ -23,12 +23,12 @@ from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import Observable
 
 LOCK_LIFT_M = 4 * WALKING_LIFT_M
-"""Lift from which a step is read: ds/dΔz grows towards none, so that less of it is mostly noise."""
+"""Least lift from which a step is computed: ds/dΔz diverges towards zero lift, where the step is mostly noise."""
 
 
 @dataclass(frozen=True)
 class StageTest:
-    """χ² of one stage's connection over the cells where both were measured, and the (φ, ω) missed by more than 3 σ."""
+    """χ² of one stage's relation over the cells where both sides are known, and the (φ, ω) missed by more than 3 σ."""
 
     stage: str
     connects: str
@@ -53,7 +53,7 @@ def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
 
 
 def locked_z(fit: Fit, observable: Observable) -> Array:
-    """Measured minus locked, in standard errors ``(cells,)``: ωs(Δz)/π for the speed, s(Δz) for the first step."""
+    """Measured minus geometry lock (ωs(Δz)/π for speed, s(Δz) for first step) in standard errors ``(cells,)``."""
     cells, radius = fit.cells, fit.model.robot.leg_radius_m
     lift = np.where(_clearly_lifted(cells), cells.mean[:, Observable.lift], np.nan)
     scale = cells.omega / np.pi if observable is Observable.speed else np.ones_like(cells.omega)
@@ -70,12 +70,12 @@ def locked_z(fit: Fit, observable: Observable) -> Array:
 
 
 def _clearly_lifted(cells: Cells) -> Bool:
-    """Cells ``(n,)`` that walk with a lift from which a step can be read."""
+    """Cells ``(n,)`` that walk with enough lift to compute a step from."""
     return np.isfinite(cells.mean[:, Observable.lift]) & walks(cells.mean, LOCK_LIFT_M)
 
 
 def _test(stage: str, connects: str, cells: Cells, z: Array, *measures: Observable) -> StageTest:
-    """``measures``: whose replicates z goes by; it is as sure as the scatter that is known least."""
+    """One test; its error degrees of freedom are the fewest of the observables ``measures`` that z is made of."""
     measured = np.isfinite(z)
     total = float(np.sum(z[measured] ** 2))
     missed = measured & (np.abs(np.nan_to_num(z)) > FAIL_Z)

@@ -1,6 +1,6 @@
-"""Before a fit: whether a user's effect gives numbers at the cells, wherever its parameters plausibly are.
+"""Before a fit: whether a user's effect gives finite numbers at the cells for all plausible parameters.
 
-What is no number passes for ground that never holds, and a fit for one of a robot that swims.
+Without this check NaN would be taken for ground that never holds, and the robot for one that swims.
 """
 
 import numpy as np
@@ -8,26 +8,26 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.effect import of_catalogue
-from sandbot_model.physics.first_run import shown
+from sandbot_model.physics.effect import is_from_catalogue
+from sandbot_model.physics.first_run import observed_quantities
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.walking import KCurve, depth_grid
 
-FIRM = 1.2
-"""k of the ground that is tried, over mg/(2R - h)."""
+K_OVER_CRITICAL = 1.2
+"""k at which effects are evaluated, over mg/(2R - h)."""
 
 
 def check_finite(model: Model, cells: Cells) -> None:
-    """Try every parameter of users' effects where it starts and at both ends of its range. Raises InputError."""
-    users = [effect.identifier for effect in model.walker.effects if not of_catalogue(effect)]
+    """Evaluate users' effects with every parameter at its start and at both ends of its range. Raises InputError."""
+    users = [effect.identifier for effect in model.walker.effects if not is_from_catalogue(effect)]
     if not users:
         return
     at = [i for i, name in enumerate(model.names) if name.partition(".")[0] in users]
     theta = np.repeat([[parameter.start for parameter in model.parameters]], 1 + 2 * len(at), axis=0)
     for row, i in enumerate(at):
         theta[1 + 2 * row : 3 + 2 * row, i] = model.parameters[i].low, model.parameters[i].high
-    rows, columns = np.nonzero(_no_number(model, cells, theta))
+    rows, columns = np.nonzero(_not_finite(model, cells, theta))
     if not len(rows):
         return
     row, cell = int(rows[0]), int(columns[0])
@@ -41,15 +41,15 @@ def check_finite(model: Model, cells: Cells) -> None:
     )
 
 
-def _no_number(model: Model, cells: Cells, theta: Array) -> Bool:
-    """Which cells ``(rows, cells)`` of these θ show something infinite or undefined at a depth where legs may stand."""
-    k = np.full(len(cells.level_phi), FIRM * critical_k_n_per_m(model.robot))
+def _not_finite(model: Model, cells: Cells, theta: Array) -> Bool:
+    """Cells ``(rows, cells)`` with an infinite or undefined quantity at a depth where legs may stand, for each θ."""
+    k = np.full(len(cells.level_phi), K_OVER_CRITICAL * critical_k_n_per_m(model.robot))
     phi = cells.level_phi[cells.level]
     inputs = model.inputs(theta[:, None], k[0], cells.omega, phi, cells.clock, KCurve(cells.level_phi, k))
-    # At the surface d_r/d is infinite, at the deepest the step is nothing: neither is a place to stand.
+    # Legs stand neither at the surface, where d_r/d is infinite, nor at 2R - h, where the step is 0.
     depth, found = depth_grid(model.robot)[1:-1:3], np.zeros((len(theta), len(cells)), dtype=bool)
     with np.errstate(all="ignore"):
         for first_step in {False, model.walker.remembers}:
-            for part in shown(model.walker.chain(*inputs, depth, first_step=first_step)):
+            for part in observed_quantities(model.walker.chain(*inputs, depth, first_step=first_step)):
                 found |= ~np.isfinite(part + 0.0 * depth).all(axis=-1)
     return found

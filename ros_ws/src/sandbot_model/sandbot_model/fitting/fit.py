@@ -61,14 +61,14 @@ class Fit(Fitted):
             ],
             "at_bounds": list(self.at_bounds),
             "implausible": list(self.implausible),
-            # A cell is told by its φ and ω there.
+            # φ and ω identify the cell.
             "fails": [{key: value for key, value in plain(fail).items() if key != "cell"} for fail in self.fails],
         }
 
     def nuisances_to_dict(self) -> list[dict[str, Any]]:
-        """What trials share as plain data; empty where nothing was taken for granted.
+        """The nuisances as plain data; empty where there are none.
 
-        Batches are one entry: how many there are, and the rms of their offsets.
+        Batches are one entry: their number and the rms of their offsets.
         """
         if self.nuisances is None:
             return []
@@ -100,7 +100,7 @@ class Fit(Fitted):
         return data_frame(rows, "to_dict()").set_index("parameter")
 
     def residuals_frame(self) -> "DataFrame":
-        """Measured beside predicted [SI]: one row for each observable measured in a cell.
+        """Measured and predicted [SI]: one row for each observable measured in a cell.
 
         Raises InputError where pandas is not installed.
         """
@@ -140,34 +140,34 @@ class Fit(Fitted):
         """Each parameter and k(φ) with its value as text, rounded to its error."""
         units = ["" if parameter.unit == "1" else parameter.unit for parameter in self.model.parameters]
         levels = zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
-        said = [
-            *((name, self.told(name), unit) for name, unit in zip(self.parameters, units, strict=True)),
-            *((f"k at φ {phi:.3f}", self.said(k, stderr), "N/m") for phi, k, stderr in levels),
+        estimates = [
+            *((name, self.parameter_text(name), unit) for name, unit in zip(self.parameters, units, strict=True)),
+            *((f"k at φ {phi:.3f}", self.value_text(k, stderr), "N/m") for phi, k, stderr in levels),
         ]
-        return [(name, f"{told} {unit}".rstrip() if told[-1].isdigit() else told) for name, told, unit in said]
+        return [(name, f"{text} {unit}".rstrip() if text[-1].isdigit() else text) for name, text, unit in estimates]
 
-    def told(self, name: str) -> str:
-        """A shared parameter ± standard error, or the value that it is held at."""
+    def parameter_text(self, name: str) -> str:
+        """A shared parameter ± standard error, or the value at which it is held."""
         value, stderr = self.parameters[name]
-        return f"{value:.4g}, held" if name in self.model.held else self.said(value, stderr)
+        return f"{value:.4g}, held" if name in self.model.held else self.value_text(value, stderr)
 
-    def said(self, value: float, stderr: float) -> str:
-        """One of its parameters ± standard error; not a number where there are no more means than unknowns."""
+    def value_text(self, value: float, stderr: float) -> str:
+        """A fitted value ± standard error; "not determined" unless there are more cell means than unknowns."""
         return with_error(value, stderr) if self.goodness.dof > 0 else UNDETERMINED
 
 
 def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     """The global minimum of the deviance over θ and one k per level.
 
-    ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a
-    start. Raises InputError where a user's effect gives no number.
+    ``near`` is a warm start from the fit of a smaller model: the search begins at its k(φ) and tries its parameters as
+    a start. Raises InputError where a user's effect gives no finite number.
     """
     check_finite(model, cells)
     return fitted_at(model, cells, solve((model, cells, near)))
 
 
 def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:
-    """The fit at a minimum found before, with its standard errors and tests; what is held has no error."""
+    """The fit at a known minimum, with its standard errors and tests; held parameters have no error."""
     problem = Problem(model, cells, nuisances)
     state = state_at(problem, point)
     jacobian = full_jacobian(problem, state)[0]
@@ -183,6 +183,6 @@ def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | N
         stderr=stderr[:own],
         covariance=covariance[:own, :own],
         goodness=goodness.goodness(problem, state, jacobian),
-        nuisances=nuisances and replace(nuisances, about=np.array(values)),
+        nuisances=nuisances and replace(nuisances, initial=np.array(values)),
         shared=tuple(Estimate(value, error) for value, error in zip(values, stderr[own:].tolist(), strict=True)),
     )

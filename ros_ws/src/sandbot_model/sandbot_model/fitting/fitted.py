@@ -1,4 +1,4 @@
-"""What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
+"""A model at its fitted parameters, and what follows: errors, cells missed, predictions and their uncertainty."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -33,7 +33,7 @@ T = TypeVar("T")
 class Fitted:
     """A model at the minimum of its deviance. Arrays over cells have length n, the last axis is ``Observable``.
 
-    What follows from these fields is computed when it is asked for, and is not pickled.
+    What follows from these fields is computed on demand and not pickled.
     """
 
     model: Model
@@ -45,7 +45,7 @@ class Fitted:
     """Covariance of the same unknowns; 0 where the data do not determine one."""
     goodness: Goodness
     nuisances: Nuisances | None = None
-    """What trials share, adjusted with the rest, about what was found of it; ``shared`` is that with errors."""
+    """Nuisance parameters fitted with the rest; their estimates are ``shared``."""
     shared: tuple[Estimate, ...] = ()
 
     @property
@@ -55,7 +55,7 @@ class Fitted:
 
     @property
     def variants(self) -> dict[str, str]:
-        """Those of them that are under another convention than the catalogue's, and which (``physics.variants``)."""
+        """The effects with another convention than the catalogue's, and which one (``physics.variants``)."""
         return {effect.identifier: effect.variant for effect in self.model.effects if effect.variant}
 
     @cached_property
@@ -96,7 +96,7 @@ class Fitted:
 
     @property
     def rmse_m_s(self) -> float:
-        """Error of mean speed in sample."""
+        """Rms error of mean speed in sample."""
         return self.goodness.rmse["speed"]
 
     @cached_property
@@ -106,7 +106,7 @@ class Fitted:
 
     @property
     def cv_rmse_m_s(self) -> float:
-        """Error of mean speed out of sample."""
+        """Rms error of mean speed out of sample."""
         return self.cross_validation.rmse["speed"]
 
     @cached_property
@@ -121,7 +121,7 @@ class Fitted:
 
     @property
     def predicted(self) -> Array:
-        """Cell means by the model ``(n, 4)``."""
+        """Predicted cell means ``(n, 4)``."""
         return np.asarray(self.state.predicted[0])
 
     @cached_property
@@ -136,7 +136,7 @@ class Fitted:
 
     @cached_property
     def at_bounds(self) -> tuple[str, ...]:
-        """Parameters pressed against the end of their search range."""
+        """Parameters at an end of their search range."""
         return goodness.at_bounds(self.problem, self.point.theta)
 
     @cached_property
@@ -154,32 +154,32 @@ class Fitted:
 
     @property
     def warm_start(self) -> WarmStart:
-        """What a larger model may start from."""
+        """A start for a larger model."""
         values = {name: estimate.value for name, estimate in self.parameters.items()}
         return WarmStart(self.k_n_per_m, values, self.deviance)
 
     def predict(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Prediction:
-        """The observables at other conditions; k is interpolated between levels and held beyond them.
+        """The observables at other conditions; k is interpolated between levels and constant beyond them.
 
         ``clock`` is how legs turn (``gait.clock``), by default as in most of the trials.
         """
         return self._predict(self.point.theta, self.point.ln_k, phi, omega, clock)
 
     def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Array:
-        """Standard deviation ``(..., 4)`` of what ``predict`` says, because θ and k are not known exactly.
+        """Standard deviation ``(..., 4)`` of ``predict`` due to the uncertainty of θ and k.
 
-        See ``uncertainty.propagated``: it shows a switch that is near.
+        See ``uncertainty.propagated``; it is large near a switch.
         """
         found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
     def deviations(self, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
-        """Changes ``(axes, n, 4)`` of what ``predict`` says at conditions ``(n,)``, one standard deviation along each
-        principal axis of what θ and k are not known to: their products summed are its covariance.
+        """Changes ``(axes, n, 4)`` of ``predict`` at conditions ``(n,)`` for one standard deviation along each
+        principal axis of the covariance of θ and k; the sum of their products over axes is its covariance.
         """
-        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
-        return np.array([np.broadcast_to(one, (len(phi), 4)) for one in found]).reshape(-1, len(phi), 4)
+        found = self._apply(deviations, lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
+        return np.array([np.broadcast_to(axis, (len(phi), 4)) for axis in found]).reshape(-1, len(phi), 4)
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
         """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
@@ -194,12 +194,12 @@ class Fitted:
 
     def _propagated(self, predict: Callable[[Array, Array], Array]) -> Array:
         """Standard deviation of ``predict(θ, ln k)``, see ``uncertainty``."""
-        return self._along(propagated, predict)
+        return self._apply(propagated, predict)
 
-    def _along(
+    def _apply(
         self, what: Callable[[Callable[[Array], Array], Array, Array], T], predict: Callable[[Array, Array], Array]
     ) -> T:
-        """``what`` of a prediction, its unknowns θ, within their bounds, and ln k, and their covariance."""
+        """``what`` (of ``uncertainty``) applied to a prediction from θ, clipped to its bounds, and ln k."""
         low, high = bounds(self.problem)
         count = len(low)
 

@@ -1,4 +1,4 @@
-"""Goodness of fit: errors, the cell means missed, and tests against pure error."""
+"""Goodness of fit: rms errors, cell means missed, and lack-of-fit tests against pure error."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Goodness:
-    """How near a fit comes to the trials it was fitted to, judged by how far replicates scatter."""
+    """How well a fit describes the trials it was fitted to, relative to the scatter of replicates."""
 
     rmse: Mapping[str, float]
     """Of each observable [SI], rms over trials of measured minus model, so that a perfect model reaches the noise
@@ -40,7 +40,7 @@ class Goodness:
     predict and are left out."""
     chi2: float
     deviance: float
-    """-2 ln likelihood up to a constant: χ², and what a wider variance costs beside the switch to swimming."""
+    """-2 ln likelihood up to a constant: χ² plus the ln |V_c/V_c0| of cells near the switch to swimming."""
     dof: int
     bic: float
     """Bayesian information criterion (Schwarz 1978): deviance + unknowns · ln(values)."""
@@ -64,7 +64,7 @@ def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
         deviance=deviance,
         dof=dof,
         bic=deviance + unknowns * float(np.log(values)),
-        lack_of_fit_p=joint_p(chi2 - unsure(z, problem.cells), dof, problem.cells),
+        lack_of_fit_p=joint_p(chi2 - excess_of_few_replicates(z, problem.cells), dof, problem.cells),
         lack_of_fit=p_by_observable(z, problem, fitted + _shared_unknowns(problem, jacobian)) | p_of_readings(state),
     )
 
@@ -93,7 +93,7 @@ class Fail:
 
 
 def rms(cells: Cells, gap: Array) -> dict[str, float]:
-    """Rms over trials: the gap of the cell mean and the scatter about it."""
+    """Rms over trials, from the ``gap`` between cell mean and model and the scatter about the cell mean."""
     n = np.where(np.isfinite(gap), cells.n, 0)
     within = np.where(n > 1, (n - 1) * np.nan_to_num(cells.sd) ** 2, 0.0).sum(axis=0)
     between = (n * np.nan_to_num(gap) ** 2).sum(axis=0)
@@ -115,7 +115,7 @@ def fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
 
 
 def cells_missed(failing: Iterable[Fail]) -> int:
-    """How many cells fail; one that is missed in several observables counts once."""
+    """How many cells are missed; one missed in several observables counts once."""
     return len({fail.cell for fail in failing})
 
 
@@ -127,10 +127,11 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     return float(f_sf(chi2 / dof, dof, error_dof))
 
 
-def unsure(z: Array, cells: Cells) -> float:
-    """What of χ² may come of a scatter that few replicates tell: one that is far too small by chance.
+def excess_of_few_replicates(z: Array, cells: Cells) -> float:
+    """Part of χ² that may be due to a pure error known from few replicates, which can be far too small by chance.
 
-    Of each such observable χ² is brought to what has the same p on the degrees of freedom of the best known.
+    For each such observable: χ² minus the value that has the same p with the pure-error degrees of freedom of the
+    observable known best.
     """
     freedom = freedom_known(cells.pure_error_dof)
     found = 0.0
@@ -144,7 +145,7 @@ def unsure(z: Array, cells: Cells) -> float:
 
 
 def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
-    """Unknowns that the nuisances amount to."""
+    """Effective number of fitted nuisances."""
     if problem.nuisances is None:
         return 0
     count = len(problem.nuisances.sd)
@@ -152,7 +153,7 @@ def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
 
 
 def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, float]:
-    """p of each observable on its own, charged with its share of the fitted unknowns."""
+    """p of each observable on its own, with its share of the fitted unknowns taken off its degrees of freedom."""
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)
     found = {}
@@ -166,13 +167,13 @@ def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, fl
 
 
 def p_of_readings(state: States) -> dict[str, float]:
-    """A penetrometer's readings come with their own standard deviation."""
+    """p of a penetrometer's readings, whose standard deviations are given (χ² test)."""
     count = state.pressed.shape[1]
     return {"penetration": float(chi2_sf(np.sum(state.pressed**2), count))} if count else {}
 
 
 def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
-    """Shared parameters pressed against the end of their search range; none that is held."""
+    """Shared parameters at an end of their search range, held ones excepted."""
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
     pressed = ((theta <= low + edge) | (theta >= high - edge)) & (low < high)
@@ -180,8 +181,8 @@ def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
 
 
 def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Shared parameters that are outside their plausible range by more than ``PLAUSIBLE_SIGMAS`` standard errors, or by
-    more than ``FAR_OUT`` of its width: an error as wide as the range excuses no value.
+    """Shared parameters outside their plausible range by more than ``PLAUSIBLE_SIGMAS`` standard errors or by
+    ``FAR_OUT`` of its width: an error as wide as the range excuses no value.
     """
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):

@@ -1,4 +1,4 @@
-"""Derivatives of the likelihood's residuals, and the space of what a fit's own parameters can absorb."""
+"""Derivatives of the likelihood's residuals, and the space of residuals that a fit's unknowns can absorb."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ STEP = 1e-5
 def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
     """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``.
 
-    With ``switches`` a descent sees where replicates walk by chance. Nothing that takes a fit for linear may: a share
-    that walks is so within a fraction of its own width only.
+    With ``switches``, which descents use, the share of replicates that walk near a switch moves as well. Whatever
+    linearises a fit must leave it out: that share is linear within a fraction of the switch's width only.
     """
     local = cell_jacobian(problem, states, switches=switches)
     full = problem.cell_means.spread(local)
@@ -29,19 +29,19 @@ def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -
 
 
 def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
-    """A column for each nuisance, ``shift (rows, cells, 4, nuisances)``, and a row for its prior."""
+    """Append a column for each nuisance, ``shift (rows, cells, 4, nuisances)``, and a row for its prior."""
     rows, values, unknowns = jacobian.shape
     wider = np.zeros((rows, values + len(sd), unknowns + len(sd)))
     wider[:, :values, :unknowns] = jacobian
-    told = shift.shape[1] * shift.shape[2]
-    wider[:, :told, unknowns:] = shift.reshape(rows, told, len(sd))
+    of_cells = shift.shape[1] * shift.shape[2]
+    wider[:, :of_cells, unknowns:] = shift.reshape(rows, of_cells, len(sd))
     wider[:, values:, unknowns:] = np.diag(1 / sd)
     return wider
 
 
 def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, Array]:
-    """Of one row, the nuisances taken back out: residuals ``(n,)``, their slopes by (θ, ln k) ``(n, p)`` and by each
-    nuisance ``(n, m)``."""
+    """Residuals with all nuisances at 0 ``(n,)``, and the slopes of the prediction by (θ, ln k) ``(n, p)`` and by each
+    nuisance ``(n, m)``. One row."""
     jacobian, residual = full_jacobian(problem, states)[0], states.all_residuals[0]
     if problem.nuisances is None:
         return residual, jacobian, np.zeros((len(residual), 0))
@@ -61,8 +61,7 @@ def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -
 def slope_by_ln_k(problem: Problem, states: States) -> Array:
     """d(cell mean)/d ln k ``(cells, 4)``. One row.
 
-    Also of cells that walk or swim by chance: k of a level has the same slope there, and must not be known from cells
-    in which no batch is free to differ.
+    Cells that walk or swim by chance have it too: they must not determine a level's k without the scatter of batches.
     """
     white = cell_jacobian(problem, states)[0][..., -1]
     return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(states.whiten[0]), white))
@@ -75,7 +74,7 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
     if readings is None:
         return np.zeros((rows, 0, count + states.ln_k.shape[1]))
     step = STEP * np.maximum(np.abs(states.theta), 1e-3)
-    # One parameter moved in each, then ln k, then nothing.
+    # Blocks: each parameter moved, then ln k, then nothing.
     theta, ln_k, slope = (
         np.repeat(part[None], count + 2, axis=0) for part in (states.theta, states.ln_k, states.slope)
     )
@@ -91,7 +90,7 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
 
 
 def tangent_basis(problem: Problem, states: States) -> Array:
-    """Orthonormal columns ``(values, rank)`` that span the residuals a fit's own parameters can absorb."""
+    """Orthonormal columns ``(values, rank)`` that span the residuals a fit's unknowns can absorb."""
     return spanned(full_jacobian(problem, states)[0])
 
 

@@ -1,6 +1,6 @@
-"""What every step of a fit computes, compiled: footing and prediction of all cells, their likelihood, its derivatives.
+"""The compiled inner loops of a fit: footing and prediction of all cells, their likelihood, its derivatives.
 
-``likelihood`` and ``jacobian`` say what is meant. Arrays are ``(rows, cells, nodes, ...)``; nodes are those of
+``likelihood`` and ``jacobian`` explain the quantities. Arrays are ``(rows, cells, nodes, ...)``; nodes are those of
 ``averaging``.
 """
 
@@ -33,12 +33,12 @@ def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_sprea
 
 
 @_compiled
-def judged(values, walking, plain, weights, between, data, share, replicates):
+def cell_likelihood(values, walking, plain, weights, between, data, share, replicates):
     """Mean ``(rows, cells, 4)``, covariance, its whitening ``(..., 4, 4)``, whitened residual, deviance of each cell.
 
-    Of ``values (4, rows, cells, nodes)``; ``weights (rows, cells, nodes, 4 or 1)`` are the nodes' in the mean,
-    ``between (rows, cells, nodes)`` in its variance, which is that of the nodes too where a cell is mixed: some of them
-    are ``walking`` and some not, or their weights are not the ``plain`` ones ``(nodes,)``.
+    ``values (4, rows, cells, nodes)`` are weighted by ``weights (rows, cells, nodes, 4 or 1)`` in the mean and by
+    ``between (rows, cells, nodes)`` in its variance. The scatter of the nodes is added to the variance where a cell is
+    mixed: some nodes are ``walking`` and some not, or their weights are not the ``plain`` ones ``(nodes,)``.
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
@@ -77,7 +77,7 @@ def _whitened(mean, predicted, measured, whiten, residual):
 
 @_compiled
 def _widen(spread, of, here):
-    """Add the scatter of a cell's nodes to its covariance, and whiten by that; the ln of its determinant."""
+    """Add the scatter of a cell's nodes to its covariance, update the whitening, return ln |covariance|."""
     values, mean, weights = spread
     share, replicates = of
     measured, covariance, whiten = here
@@ -109,26 +109,26 @@ def _widen(spread, of, here):
 
 
 @_compiled
-def read(told, unit, measured, said):
-    """What is said beside readings off their zero or scale: their values ``(rows, m)``, means, residuals, deviances.
+def with_reading_errors(given, unit, measured, without):
+    """Apply zero offsets and scale errors of the readings: their values ``(rows, m)``, means, residuals, deviances.
 
-    Those values, in units of their priors, are ``told`` or, where not a number, the most likely ones. They move cell
-    means by ``unit (cells, 4, m)``; ``said`` are the whitening, means, residuals and deviances without them (see
-    ``judged``).
+    The values, in units of their priors, are those ``given`` or, where NaN, the most likely ones. They move cell means
+    by ``unit (cells, 4, m)``; ``without`` are the whitening, means, residuals and deviances without them (see
+    ``cell_likelihood``).
     """
-    whiten, mean, residual, deviance = said
-    (rows, count), cells = told.shape, len(unit)
-    found, mean, residual, deviance = told.copy(), mean.copy(), residual.copy(), deviance.copy()
+    whiten, mean, residual, deviance = without
+    (rows, count), cells = given.shape, len(unit)
+    found, mean, residual, deviance = given.copy(), mean.copy(), residual.copy(), deviance.copy()
     shift, normal, pull = np.zeros(unit.shape), np.empty((count, count)), np.empty(count)
-    its, many = _moving(unit)
+    its, many = _columns_of_cells(unit)
     for row in range(rows):
         unknown = False
         for n in range(count):
-            unknown |= math.isnan(told[row, n])
+            unknown |= math.isnan(given[row, n])
         normal[:], pull[:] = 0.0, 0.0
         for cell in range(cells):
             which = its[cell, : many[cell]]
-            _shifted(unit[cell], which, measured[cell], whiten[row, cell], shift[cell])
+            _whiten_columns(unit[cell], which, measured[cell], whiten[row, cell], shift[cell])
             if unknown:
                 _add_normal(shift[cell], which, residual[row, cell], normal, pull)
         if unknown:
@@ -146,9 +146,9 @@ def read(told, unit, measured, said):
 
 
 @_compiled
-def _moving(slope):
-    """Which columns of slopes ``(cells, 4, m)`` move a cell, the first ``many (cells,)`` of ``its (cells, m)``: a day's
-    are none of another day's cells."""
+def _columns_of_cells(slope):
+    """Which columns of slopes ``(cells, 4, m)`` move a cell: the first ``many (cells,)`` of ``its (cells, m)``. Most do
+    not: a nuisance of one day moves no cell of another."""
     cells, _, count = slope.shape
     its, many = np.empty((cells, count), dtype=np.int64), np.zeros(cells, dtype=np.int64)
     for cell in range(cells):
@@ -160,7 +160,7 @@ def _moving(slope):
 
 
 @_compiled
-def _shifted(unit, its, measured, whiten, shift):
+def _whiten_columns(unit, its, measured, whiten, shift):
     """Whiten the columns ``its`` of a cell's slopes ``(4, m)``."""
     for i in range(4):
         for n in its:
@@ -185,7 +185,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     """d(whitened prediction)/d(θ, ln k) ``(rows, cells, 4, parameters + 1)``.
 
     ``seen (6, parameters + 3, rows, cells, nodes)`` are the observables and margins with each parameter, ln k and the
-    depth moved by ``steps (parameters + 2, rows)``, and unmoved.
+    depth moved in turn by ``steps (parameters + 2, rows)``, and last with nothing moved.
     """
     count, (rows, cells, nodes) = len(steps) - 1, walking.shape
     found = np.zeros((rows, cells, 4, count))
@@ -225,9 +225,9 @@ def _whitened_slopes(slope, measured, whiten, found):
 
 @_compiled
 def damped_step(jacobian, residual, theta, low, high, free, damping):
-    """Each row's step of Levenberg and Marquardt ``(rows, unknowns)``, scaled as Marquardt does.
+    """Levenberg-Marquardt step of each row ``(rows, unknowns)``, with Marquardt's scaling.
 
-    Parameters, the first of the unknowns, that are not ``free`` or are pressed against a bound stay where they are.
+    Parameters (the first of the unknowns) that are not ``free`` or are pressed against a bound do not move.
     """
     rows, _, unknowns = jacobian.shape
     found = np.empty((rows, unknowns))
@@ -251,7 +251,7 @@ def damped_step(jacobian, residual, theta, low, high, free, damping):
 
 @_compiled
 def spread(local, level, levels):
-    """The same with a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
+    """Expand ``local_jacobian`` to a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
     rows, cells, _, count = local.shape
     found = np.zeros((rows, 4 * cells, count - 1 + levels))
     for row in range(rows):
@@ -265,10 +265,10 @@ def spread(local, level, levels):
 
 @_compiled
 def profiled(table, condition, data, level, k_grid, sigma_k, nodes, weights, same, cross):
-    """Least deviance over k for each θ ``(m,)``, and that k ``(m, levels)``.
+    """Least deviance over k for each θ ``(m,)``, and the minimising k ``(m, levels)``.
 
-    ``table (4, m, φ, conditions, k)`` are predictions, which a cell averages along its track by σ_k ``(m, cells)``.
-    Adds to ``same`` and ``cross``, see ``starts``.
+    ``table (4, m, φ, conditions, k)`` are predictions, averaged along a cell's track with σ_k ``(m, cells)``.
+    Adds to the sums ``same`` and ``cross`` (see ``starts``).
     """
     measured, mean, _, whiten, _ = data
     deviance, k = np.zeros(len(same)), np.empty(same.shape[:2])
@@ -277,7 +277,7 @@ def profiled(table, condition, data, level, k_grid, sigma_k, nodes, weights, sam
         for cell in range(len(level)):
             of = table[:, row, level[cell] if table.shape[2] > 1 else 0, condition[cell]]
             if sigma_k[row, cell] > 0:
-                of = _along(of, k_grid, sigma_k[row, cell], nodes, weights)
+                of = _track_average(of, k_grid, sigma_k[row, cell], nodes, weights)
             for at in range(len(k_grid)):
                 for i in range(4):
                     last[i], residual[i] = residual[i], 0.0
@@ -295,7 +295,7 @@ def profiled(table, condition, data, level, k_grid, sigma_k, nodes, weights, sam
 
 @_compiled
 def _least(same, cross, k_grid):
-    """The least of all parabolas between nodes of a grid, and k there."""
+    """Minimum over the parabolas between neighbouring grid nodes, and k there."""
     least, k = np.inf, 0.0
     for at in range(len(cross)):
         low, high = same[at], same[at + 1]
@@ -308,8 +308,8 @@ def _least(same, cross, k_grid):
 
 
 @_compiled
-def _along(table, k_grid, sigma, nodes, weights):
-    """A cell's predictions ``(4, k)`` averaged along the track; lift is that of the median step, peak the best."""
+def _track_average(table, k_grid, sigma, nodes, weights):
+    """A cell's predictions ``(4, k)`` averaged along the track; lift is the median step's, peak the best step's."""
     found = np.zeros(table.shape)
     for at in range(len(k_grid)):
         found[1, at], found[2, at] = table[1, at], -np.inf
@@ -327,15 +327,15 @@ def _along(table, k_grid, sigma, nodes, weights):
 
 
 @_compiled
-def stood(steady, virgin, seen, points, grid, may, looked_for, quadrature):
+def footing_and_values(steady, virgin, seen, points, grid, independent, search, quadrature):
     """Depths and whether the ground holds, steady and on virgin ground ``(rows, cells * nodes)``, the observables there
-    ``(4, rows, cells * nodes)``, and the share of a cell's trials that each node stands for ``(rows, cells, nodes)``.
+    ``(4, rows, cells * nodes)``, and the share of a cell's trials that each node represents ``(rows, cells, nodes)``.
 
-    ``steady`` and ``virgin`` are a margin's programs (see ``machine.switches``) with the register of its depth, the
-    second that of the first where the first step is like the others; ``seen`` is that of the observables. Shares are
-    those of ``quadrature`` but where legs jump between nodes, in cells that ``may (rows or 1, cells)``.
+    ``steady`` and ``virgin`` are a margin's programs (see ``machine.switches``) with the register of its depth, both
+    the same where the first step is like the others; ``seen`` is the program of the observables. Shares are those of
+    the ``quadrature`` except where legs jump between nodes of ``independent (rows or 1, cells)`` cells.
     """
-    polish, rises, held, drop, window = looked_for
+    polish, rises, held, drop, window = search
     nodes, weights, edges = quadrature
     shape = len(points[0]), points[1].shape[2], points[2].shape[2]
     depth, walking = machine.footing(*steady[:3], points, steady[4], grid, polish, rises, held)
@@ -349,7 +349,7 @@ def stood(steady, virgin, seen, points, grid, may, looked_for, quadrature):
     share[:] = weights
     for step in range(2 if remembers else 1):
         stands = (virgin_depth if step else depth).reshape(shape)
-        pairs = apart(stands, (virgin_walking if step else walking).reshape(shape), may, drop)
+        pairs = candidate_pairs(stands, (virgin_walking if step else walking).reshape(shape), independent, drop)
         if len(pairs[0]):
             stiffer = np.empty(len(pairs[0]))
             for i in range(len(stiffer)):
@@ -357,25 +357,25 @@ def stood(steady, virgin, seen, points, grid, may, looked_for, quadrature):
             its = virgin if step else steady
             (row, cell, below), _, part = machine.switches(*its[:4], points, its[4], pairs, stiffer, grid, window)
             for i in range(len(row)):
-                # Of two between the same nodes the steady gait's is the one that more observables see.
+                # Of two switches between the same nodes the steady gait's is kept: more observables depend on it.
                 if not taken[row[i], cell[i], below[i]]:
                     at = nodes[below[i]] + part[i] * (nodes[below[i] + 1] - nodes[below[i]])
-                    _hand_over(share[row[i], cell[i]], edges, below[i], at)
+                    _shift_edge(share[row[i], cell[i]], edges, below[i], at)
                 if not step:
                     taken[row[i], cell[i], below[i]] = True
     return depth, walking, virgin_depth, virgin_walking, values, share
 
 
 @_compiled
-def apart(depth, walking, may, drop):
-    """Neighbouring nodes of which the softer stands deeper by more than ``drop``, or does not walk: their rows, cells
-    and the softer nodes, of cells that ``may (rows or 1, cells)``."""
+def candidate_pairs(depth, walking, independent, drop):
+    """Neighbouring nodes between which there may be a switch: the softer stands deeper by more than ``drop``, or alone
+    does not walk. Their rows, cells and softer nodes, of ``independent (rows or 1, cells)`` cells."""
     rows, cells, nodes = depth.shape
     found = np.empty((3, rows * cells * (nodes - 1)), dtype=np.int64)
     count = 0
     for row in range(rows):
         for cell in range(cells):
-            if may[row % len(may), cell % may.shape[1]]:
+            if independent[row % len(independent), cell % independent.shape[1]]:
                 for node in range(nodes - 1):
                     soft, stiff = walking[row, cell, node], walking[row, cell, node + 1]
                     if depth[row, cell, node] - depth[row, cell, node + 1] > drop or (stiff and not soft):
@@ -385,30 +385,30 @@ def apart(depth, walking, may, drop):
 
 
 @_compiled
-def hand_over(share, edges, row, cell, below, at):
-    """Move edges between nodes' shares of the normal distribution, in ``share (rows, cells, nodes)``."""
+def shift_edges(share, edges, row, cell, below, at):
+    """Move edges between the nodes' parts of the normal distribution; updates ``share (rows, cells, nodes)``."""
     for i in range(len(row)):
-        _hand_over(share[row[i], cell[i]], edges, below[i], at[i])
+        _shift_edge(share[row[i], cell[i]], edges, below[i], at[i])
 
 
 @_compiled
-def _hand_over(share, edges, below, at):
+def _shift_edge(share, edges, below, at):
     more = _normal(at) - _normal(edges[below])
     share[below] += more
     share[below + 1] -= more
 
 
 @_compiled
-def turn(local, whiten, measured, values, pairs, at, by, spared):
-    """Add to ``local``, see ``local_jacobian``, what switches do that move: trials go over from the stiffer node to the
-    softer. ``at (switches,)`` [σ of k] move ``by (parameters + 1, switches)``; means of a kind that is ``spared (4,)``
-    are no averages."""
+def add_switch_slopes(local, whiten, measured, values, pairs, at, by, fixed):
+    """Add to ``local_jacobian`` the effect of moving switches, which transfers trials from the stiffer node to the
+    softer. ``at (switches,)`` [σ of k] move by ``by (parameters + 1, switches)``; observables ``fixed (4,)`` are not
+    averages over nodes and do not change."""
     row, cell, below = pairs
     for s in range(len(row)):
         density = math.exp(-0.5 * at[s] ** 2) / math.sqrt(2 * math.pi)
         of = values[:, row[s], cell[s]]
         for j in range(4):
-            if measured[cell[s], j] and not spared[j]:
+            if measured[cell[s], j] and not fixed[j]:
                 change = density * (of[j, below[s]] - of[j, below[s] + 1])
                 for i in range(j, 4):
                     for p in range(len(by)):

@@ -1,7 +1,7 @@
 """Leave-one-out cross-validation: every cell predicted by a fit to all the others.
 
-Where a batch holds whole cells, one frequency a day for example, these share what sets it apart: none of them tells
-what the next batch will be, and they are left out together.
+Where a batch consists of whole cells, for example one frequency a day, its cells share the batch's offset. None of them
+says anything about another batch, so they are left out together.
 """
 
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.observables import Observable
 
 K_PRIOR = 0.03
-"""Relative uncertainty of k as given by the neighbouring levels."""
+"""Relative prior uncertainty of a level's k, from the neighbouring levels."""
 FAR = 2.0
-"""Standard errors of a cell mean beyond which leaving it out is more than a linear step."""
+"""Change of a prediction, in standard errors of the cell mean, beyond which the linear step is not trusted."""
 CV_MOST = 100.0
-"""Most that a single cell adds to the deviance: a set is not condemned for what no other cell could determine."""
+"""Most that a single cell adds to the deviance: no set is rejected for a cell that the others cannot predict."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class CrossValidation:
     rmse: Mapping[str, float]
     """Of each observable [SI], rms over the trials of the cells that are scored (see ``leave_one_out``)."""
     cells: int
-    """How many cells that is."""
+    """Number of cells scored."""
     deviance: float
-    """Deviance of all cells, each predicted by the others, at most ``CV_MOST`` a cell."""
+    """Deviance of all cells, each predicted by the others, limited to ``CV_MOST`` a cell."""
 
 
 class LeaveOneOut(NamedTuple):
@@ -48,7 +48,7 @@ class LeaveOneOut(NamedTuple):
 
 
 def cross_validation(problem: Problem, state: States, jacobian: Array) -> CrossValidation:
-    """The errors of ``leave_one_out``, summed up."""
+    """A summary of ``leave_one_out``."""
     found = leave_one_out(problem, state, jacobian)
     scored = np.where(found.scored[:, None], found.residual, np.nan)
     return CrossValidation(rms(problem.cells, scored), int(found.scored.sum()), found.deviance)
@@ -77,11 +77,12 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
 
 
 def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array, Array]:
-    """θ ``(cells, parameters)``, ln k ``(cells, levels)`` nuisances, without each cell, and its precision.
+    """θ ``(cells, parameters)``, ln k ``(cells, levels)``, nuisances ``(cells, nuisances)`` fitted without each cell,
+    and the standard deviation of its predicted speed [m/s] ``(cells,)``.
 
-    Taking the rows J_c, r_c of the cells that go with it out of the normal equations moves the minimum by
-    -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. Where no other cell determines its level's k, k is taken as known to ``K_PRIOR`` from
-    the levels beside it. The last is the standard deviation [m/s] of the predicted speed ``(cells,)``.
+    Removing the rows J_c, r_c of the cells left out together from the normal equations moves the minimum by
+    -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. A prior of relative width ``K_PRIOR`` keeps k near its value where no other cell
+    determines it.
     """
     count, cells = state.theta.shape[1], len(problem.cells)
     prior = np.zeros(jacobian.shape[1])
@@ -106,7 +107,7 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
 
 
 def left_out_with(cells: Cells) -> Bool:
-    """Which cells are left out with each ``(cells, cells)``: itself, and those of its batch if that is whole cells."""
+    """Which cells are left out with each ``(cells, cells)``: itself, and those of its batch if that has whole cells."""
     share = cells.batch_share
     alone = np.eye(len(cells), dtype=bool)
     if share is None:
@@ -116,15 +117,15 @@ def left_out_with(cells: Cells) -> Bool:
 
 
 def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
-    """Cells where a linear step can't be trusted; none for a model that is far off anyway."""
+    """Cells where the linear step can't be trusted; none for a model that fits far too badly to matter."""
     move = np.abs(predicted - state.predicted[0])[:, Observable.speed]
     fits = state.deviance[0] < HOPELESS * problem.measured.sum()
     return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])))
 
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
-    """θ and ln k that fit all cells but one and those that go with it, the better of what is found from the linear step
-    and from the fit."""
+    """θ and ln k fitted without a cell and those left out with it: the better of descents from the linear step and from
+    the full fit."""
     left_out = np.flatnonzero(left_out_with(problem.cells)[cell])
     fewer = problem.without(left_out)
     both = np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]])

@@ -12,10 +12,10 @@ from sandbot_model.physics.arrays import Array, Ints
 ITERATIONS = 30
 TOLERANCE = 1e-2
 """The descent ends with a step that lowers the deviance by less than this."""
-FOUND_AT_ONCE = "v_swim_m_s"
-"""The parameter that any descent finds: no switch depends on it, and no search beside descents looks for it."""
+NOT_SEARCHED = "v_swim_m_s"
+"""The one parameter left to the descents, which always find it: no switch depends on it."""
 PATIENCE, NEARER = 3, 0.02
-"""Iterations in which a row that is above a hopeless deviance must come so much of the way nearer to it."""
+"""Every so many iterations, a row above a hopeless deviance must have covered this share of the way down to it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 
@@ -27,9 +27,9 @@ def descend(
     fixed: Sequence[int] = (),
     hopeless: float = np.inf,
 ) -> States:
-    """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, stay where they are.
+    """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, are held.
 
-    Rows above a deviance that is ``hopeless`` end where they come hardly nearer to it.
+    Rows above a deviance that is ``hopeless`` end early unless they keep approaching it.
     """
     begun = states.deviance
     rows = np.arange(len(states.theta))
@@ -43,10 +43,10 @@ def descend(
         if (new := at[moved[at]]).size:
             jacobian[new] = full_jacobian(problem, states.take(new), switches=True)
         here = states.take(at)
-        trial = _moved(problem, here, jacobian[at], damping[at], fixed)
+        trial = _step(problem, here, jacobian[at], damping[at], fixed)
         gain = here.deviance - trial.deviance
         better = moved[at] = gain > 0
-        states = put(states, at, here.where(better, trial))
+        states = replace_rows(states, at, here.where(better, trial))
         damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
         active[at] = np.where(better, gain > TOLERANCE, damping[at] < MAX_DAMPING)
         if done % PATIENCE == 0 and np.isfinite(hopeless):
@@ -57,12 +57,12 @@ def descend(
 
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
-    """What a fit may search, ``(parameters,)`` each."""
+    """Lower and upper ends of the search ranges, ``(parameters,)`` each."""
     return problem.model.bounds
 
 
-def _moved(problem: Problem, states: States, jacobian: Array, damping: Array, fixed: Sequence[int]) -> States:
-    """Each row after one damped step, parameters that are fixed or pressed against a bound held."""
+def _step(problem: Problem, states: States, jacobian: Array, damping: Array, fixed: Sequence[int]) -> States:
+    """Each row after one damped step; parameters that are fixed or pressed against a bound are held."""
     low, high = bounds(problem)
     count = states.theta.shape[1]
     free = np.ones(count, dtype=bool)
@@ -74,8 +74,8 @@ def _moved(problem: Problem, states: States, jacobian: Array, damping: Array, fi
     return problem.states(theta, ln_k, states.slope, problem.bed(states) + step[:, own:])
 
 
-def put(states: States, at: Ints, some: States) -> States:
-    """The states with ``some`` in the place of the rows ``at``."""
+def replace_rows(states: States, at: Ints, some: States) -> States:
+    """The states with the rows ``at`` replaced by ``some``."""
     if len(at) == len(states.theta):
         return some
     index = np.zeros(len(states.theta), dtype=np.int64)

@@ -1,16 +1,16 @@
 """One model against one set of cells: predictions and their deviance.
 
-The unknowns are the shared parameters θ and one ln k per φ level. The bed misses its set point by σ_φ, so a cell is an
-average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the slope dk/dφ of the fitted curve,
+The unknowns are the shared parameters θ and one ln k per φ level. The bed's φ scatters by σ_φ about its set point, so a
+cell mean is an average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the fitted curve's slope dk/dφ,
 
     ȳ_c = Σ_g w_g y(k + dk/dφ σ_φ x_g, ω),   V_c = V_c0 + (scatter of y over the nodes)/n if the cell straddles a switch
 
-Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance,
-and w_g are the shares of the normal distribution that lie on either side (see ``switch``): the mean says little, the
-mixture's variance says so, and one such cell can't decide a fit.
+Away from a switch between walking and swimming this scatter is already part of the pure error V_c0. Near one,
+replicates walk or swim by chance, and w_g are the shares of the normal distribution on either side (see ``switch``):
+the variance of the mixture gives such a cell little weight, so that no single one decides a fit.
 
-What trials share (see ``nuisances``) is Gaussian: offsets of the bed move k itself, readings off their zero or scale
-what is predicted. Each is an unknown like the others, its prior a reading of 0 ± sd.
+Nuisance parameters (see ``nuisances``) are Gaussian: offsets of the bed move k itself, zero offsets and scale errors of
+the readings move the prediction. Each is an unknown like the others, its prior a measurement of 0 ± sd.
 """
 
 from dataclasses import dataclass
@@ -29,15 +29,15 @@ from sandbot_model.physics.walking import KCurve
 if TYPE_CHECKING:
     from sandbot_model.fitting.cell_means import CellMeans
 
-FEW = 4
-"""One cell in so many is looked at first where most of what is tried is far off."""
+SUBSET = 4
+"""One cell in so many is evaluated first, to reject most of what a scan tries."""
 WIDENED = 1.25
-"""Scatter of a cell mean over its pure error from which the cell walks or swims by chance."""
+"""Scatter of a cell mean over its pure error above which the cell walks or swims by chance."""
 
 
 class CellByCell(NamedTuple):
-    """Each cell evaluated at parameters of its own: prediction ``(cells, 4)``, and ``(cells,)`` each
-    widening, deviance and whether it walks."""
+    """Each cell evaluated at parameters of its own: prediction ``(cells, 4)``; widening, deviance and whether it walks,
+    ``(cells,)`` each."""
 
     predicted: Array
     widening: Array
@@ -55,7 +55,7 @@ class Problem:
 
     @cached_property
     def cell_means(self) -> "CellMeans":
-        """What the model says of the cells."""
+        """The model's predictions of the cell means."""
         # Imported now: no command that fits nothing waits for the compiler.
         from sandbot_model.fitting.cell_means import CellMeans, Measured
 
@@ -90,24 +90,24 @@ class Problem:
         return Problem(self.model, self.cells.without(cells), nuisances)
 
     @cached_property
-    def few(self) -> "Problem":
-        """The same for one cell in ``FEW``: what deviates so much on these deviates more on all."""
+    def subset(self) -> "Problem":
+        """The same for one cell in ``SUBSET``: their deviance is a lower bound for that of all cells."""
         # Multiples of the golden ratio take some of every level and of every ω.
-        return self.without(np.flatnonzero(np.arange(len(self.cells)) * 0.6180339887 % 1.0 >= 1.0 / FEW))
+        return self.without(np.flatnonzero(np.arange(len(self.cells)) * 0.6180339887 % 1.0 >= 1.0 / SUBSET))
 
     def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
         """Predict all cells and evaluate the likelihood.
 
-        ``shared (rows or 1, nuisances)`` are the values of the nuisances; without them the bed's are what they are
-        about. Readings off their zero or scale, where not a number, are what suits best.
+        ``shared (rows or 1, nuisances)`` are the values of the nuisances; by default the bed's take their initial
+        values. Zero offsets and scale errors that are NaN take their most likely values.
         """
         slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
-        said = self.cell_means.said(theta, ln_k, slope, self.moved(found))
+        cells = self.cell_means.evaluate(theta, ln_k, slope, self.moved(found))
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
-            said, found = self.cell_means.read(self.nuisances, said, found)
+            cells, found = self.cell_means.with_reading_errors(self.nuisances, cells, found)
             prior = -found / self.nuisances.sd
-        footing, predicted, covariance, whiten, residual, deviance = said
+        footing, predicted, covariance, whiten, residual, deviance = cells
         pressed = self.pressed(theta, ln_k, slope)
         likelihood = covariance, whiten, residual, deviance, pressed, prior
         return States(theta, ln_k, slope, footing, predicted, *likelihood)
@@ -117,12 +117,12 @@ class Problem:
         return states.shared if self.nuisances is None else -states.shared * self.nuisances.sd
 
     def bed(self, states: States) -> Array:
-        """The same, readings not a number."""
+        """The same with NaN for those of the readings, which ``states`` then determines."""
         shared = self.shared(states)
         return shared if self.nuisances is None else np.where(self.nuisances.moves_k, shared, np.nan)
 
     def moved(self, shared: Array) -> Array:
-        """What nuisances move ln k of the cells by ``(rows, cells)``."""
+        """Change of the cells' ln k due to the nuisances ``(rows, cells)``."""
         if self.nuisances is None:
             return np.zeros((len(shared), len(self.cells)))
         return np.ascontiguousarray(np.nan_to_num(shared) @ self.nuisances.by_ln_k.T)
@@ -130,12 +130,12 @@ class Problem:
     def _shared(self, rows: int, shared: Array | None) -> Array:
         if self.nuisances is None:
             return np.zeros((rows, 0))
-        about = np.where(self.nuisances.moves_k, self.nuisances.about, np.nan)
-        found = about[None] if shared is None else shared
+        initial = np.where(self.nuisances.moves_k, self.nuisances.initial, np.nan)
+        found = initial[None] if shared is None else shared
         return np.broadcast_to(found, (rows, found.shape[1]))
 
     def whitened(self, whiten: Array, slope: Array) -> Array:
-        """d(whitened prediction) ``(rows, cells, 4, n)`` of slopes ``(cells, 4, n)``."""
+        """Whitened slopes ``(rows, cells, 4, n)`` from slopes of the prediction ``(cells, 4, n)``."""
         return np.asarray(whiten @ np.where(self.measured[..., None], slope, 0.0))
 
     def pressed(self, theta: Array, ln_k: Array, slope: Array) -> Array:
@@ -155,7 +155,7 @@ class Problem:
     def press(self, theta: Array, ln_k: Array, k: Array, phi: Array, depth: Array) -> Array:
         """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``.
 
-        Ground at another φ is harder than ``k`` by as much as the curve through the levels, ``ln_k (..., levels)``.
+        Ground at another φ differs from ``k`` by as much as the curve through the levels does, ``ln_k (..., levels)``.
         """
         curve = KCurve(self.cells.level_phi, np.exp(ln_k), inner=2)
 
@@ -167,29 +167,29 @@ class Problem:
         return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
 
     def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> CellByCell:
-        """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
+        """Prediction and likelihood of cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
         slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
-        said = self.cell_means.said_by_row(theta, ln_k, slope, self.moved(found))
-        predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
+        cells = self.cell_means.evaluate_by_row(theta, ln_k, slope, self.moved(found))
+        predicted, residual, deviance = cells.predicted[0], cells.residual[0], cells.deviance[0]
         if self.nuisances is not None:
             which, (_, reading) = ~self.nuisances.moves_k, self.nuisances.of_readings
-            shift = self.whitened(said.whiten, reading)[0]
+            shift = self.whitened(cells.whiten, reading)[0]
             left = residual - np.einsum("cim,cm->ci", shift, found[:, which])
             predicted = predicted + np.einsum("cim,cm->ci", reading, found[:, which])
             deviance = deviance + np.sum(left**2 - residual**2, axis=1)
-        walks = said.footing.walking[0].mean(axis=1) > 0.5
-        return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)
+        walks = cells.footing.walking[0].mean(axis=1) > 0.5
+        return CellByCell(predicted, self.widening(cells.covariance[0]), deviance, walks)
 
     def widening(self, covariance: Array) -> Array:
-        """How much wider what is measured of a cell's mean scatters than by pure error ``(cells,)``; above 1 beside a
-        switch, which a speed hardly sees where legs walk no faster than they swim."""
+        """Standard deviation of a cell mean over that of pure error ``(cells,)``, above 1 near a switch: the largest of
+        its observables, since speed alone shows no switch where walking is no faster than swimming."""
         own, wider = (np.diagonal(each, axis1=1, axis2=2) for each in (self.covariance, covariance))
         return np.asarray(np.sqrt(np.where(self.measured, wider / own, 1.0).max(axis=1)))
 
     def away_from_switch(self, widening: Array) -> Bool:
         """Cells ``(cells,)`` where neither the replicates nor the model walk or swim by chance.
 
-        A model that has most of them beside the switch does not know what it says, and is scored on all.
+        A model that puts most cells near the switch is scored on all.
         """
         clear = widening < WIDENED
         return np.asarray(~self.cells.own_scatter & (clear | (clear.mean() < 0.5)))

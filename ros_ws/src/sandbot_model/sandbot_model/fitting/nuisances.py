@@ -1,12 +1,12 @@
-"""What trials share and no model is to blame for: offsets of k by batch, drift, and readings off their zero or scale.
+"""Nuisance parameters, for errors that trials share: offsets of k by batch, drift, zero offsets and scale errors.
 
-Each nuisance u_i is unknown beforehand to sd_i and moves the cell means by a known slope, so that
+Each nuisance u_i has a Gaussian prior of standard deviation sd_i and moves the cell means by a known slope, so that
 
     ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(0, sd_i²)
 
-Those of the bed move k itself in a fit; only what is said about one is linear. A batch shares one offset of ln k: a
-random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML; Patterson & Thompson 1971, Biometrika
-58, 545), linear about a fit.
+In a fit, those of the bed move k itself; only the estimates about a fit below are linear. A batch shares one offset of
+ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML; Patterson & Thompson 1971,
+Biometrika 58, 545), linearised about a fit.
 """
 
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ from sandbot_model.fitting.uncertainty import covariance_of
 from sandbot_model.physics.arrays import Array, Bool, Ints
 
 MAX_SCATTER, SIZES = 2.5, 60
-"""Largest σ_b, in units of its prior, and how many are tried."""
+"""Largest σ_b tried, in units of its prior's sd, and how many values are tried."""
 FARTHER = 2.0
-"""How much farther than a verdict grants a bed may scatter by what errors average over."""
+"""Factor by which the σ_b that standard errors average over may exceed the largest that a verdict allows."""
 LEAST_SHARE = 1e-3
-"""Least share of the posterior that is looked at."""
+"""Values of σ_b with less of the posterior than this are skipped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +35,19 @@ class Nuisances:
     slope: Array
     ln_k_sd: Array
     """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
-    about: Array
-    """Values ``(m,)`` from which a fit begins; of a fit's own, those that it found."""
+    initial: Array
+    """Values ``(m,)`` from which a fit begins; in a fit's own ``nuisances``, the fitted values."""
     by_ln_k: Array
-    """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that leave k as it is."""
+    """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that do not act on k."""
 
     @cached_property
     def moves_k(self) -> Bool:
-        """Which are the bed's ``(m,)``."""
+        """Which nuisances are offsets of the bed ``(m,)``."""
         return np.asarray(self.by_ln_k.any(axis=0))
 
     @cached_property
     def of_readings(self) -> tuple[Array, Array]:
-        """Prior standard deviations ``(n,)`` and slopes ``(cells, 4, n)`` of those that leave k as it is."""
+        """Prior standard deviations ``(n,)`` and slopes ``(cells, 4, n)`` of the zero offsets and scale errors."""
         return self.sd[~self.moves_k], np.ascontiguousarray(self.slope[..., ~self.moves_k])
 
     def without(self, cells: int | Ints) -> "Nuisances":
@@ -64,21 +64,21 @@ class Nuisances:
     def only(self, which: Bool) -> "Nuisances":
         """Some of them ``(m,)``."""
         names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
-        sd, about, slope, by_ln_k = self.sd[which], self.about[which], self.slope[..., which], self.by_ln_k[:, which]
-        return Nuisances(names, sd, slope, self.ln_k_sd, about, by_ln_k)
+        slope, by_ln_k = self.slope[..., which], self.by_ln_k[:, which]
+        return Nuisances(names, self.sd[which], slope, self.ln_k_sd, self.initial[which], by_ln_k)
 
-    def rougher(self, ln_k_sd: float) -> "Nuisances":
-        """The same on a bed whose ln k also scatters by so much from condition to condition."""
+    def with_k_scatter(self, ln_k_sd: float) -> "Nuisances":
+        """The same with an additional scatter of ln k from condition to condition, of this standard deviation."""
         return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))
 
 
 def sizes_tried(prior: float) -> Array:
-    """σ_b that are tried, 0 first, for the sd of its half-normal prior."""
+    """Grid of σ_b, 0 first; ``prior`` is the sd of its half-normal prior."""
     return np.linspace(0.0, MAX_SCATTER * prior, SIZES)
 
 
 def probability(gain: Array) -> Array:
-    """Posterior probability of each σ_b tried, of what it gains."""
+    """Posterior probability of each σ_b tried, from its ``gain`` in -2 ln posterior."""
     weight = np.exp(0.5 * (gain - gain.max()))
     return np.asarray(weight / weight.sum())
 
@@ -86,7 +86,7 @@ def probability(gain: Array) -> Array:
 def scatter_of_batches(
     residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
 ) -> tuple[float, float]:
-    """σ_b most likely a posteriori of those ``tried``, 0 first, and what it gains; arguments as below."""
+    """Posterior mode of σ_b among those ``tried``, 0 first, and its gain; arguments as in ``gains_of_scatter``."""
     gain = gains_of_scatter(residual, jacobian, batches, others, tried, prior)
     best = int(np.argmax(gain))
     return float(tried[best]), float(gain[best])
@@ -95,12 +95,12 @@ def scatter_of_batches(
 def gains_of_scatter(
     residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
 ) -> Array:
-    """What each σ_b ``tried`` gains over none in -2 ln of its posterior.
+    """Fall of -2 ln posterior from σ_b = 0 to each σ_b ``tried``.
 
-    ``residual (n,)`` is whitened, ``jacobian (n, p)`` are the slopes of what was fitted, ``batches (n, b)`` those by
-    each batch's ln k and ``others (n, m)`` those by the other nuisances in units of their priors; ``prior`` is the sd
-    of a half-normal prior of σ_b. Of the contrasts free of all that was fitted, those that batches share have the
-    variances 1 + σ_b² s_i².
+    ``residual (n,)`` is whitened; ``jacobian (n, p)`` are its derivatives by the fitted unknowns, ``batches (n, b)`` by
+    each batch's ln k and ``others (n, m)`` by the other nuisances in units of their priors; ``prior`` is the sd of a
+    half-normal prior of σ_b. The error contrasts (orthogonal to everything fitted) along the batches have variances
+    1 + σ_b² s_i², s_i the singular values of the projected ``batches``.
     """
     contrasts = free_of(jacobian, others)
     axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
@@ -110,10 +110,10 @@ def gains_of_scatter(
 def gains_for_errors(
     residual: Array, jacobian: Array, batches: Array, others: Array, prior: float
 ) -> tuple[Array, Array]:
-    """σ_b that errors average over, and what each gains; arguments as above.
+    """Grid of σ_b that standard errors average over, and the gain of each; arguments as in ``gains_of_scatter``.
 
-    A verdict takes no bed for rougher than beds are; errors must hold on one that is: ``prior`` is the scale of a
-    half-Cauchy's (Gelman 2006, Bayesian Analysis 1, 515).
+    For a verdict σ_b has a half-normal prior; standard errors must also hold for a bed that scatters more than usual:
+    ``prior`` is here the scale of a half-Cauchy prior (Gelman 2006, Bayesian Analysis 1, 515).
     """
     tried = sizes_tried(FARTHER * prior)
     without_prior = gains_of_scatter(residual, jacobian, batches, others, tried, np.inf)
@@ -123,9 +123,10 @@ def gains_for_errors(
 def averaged_moments(
     residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, gain: Array
 ) -> Array:
-    """Second moments ``(p, p)`` of the unknowns about where they are, over σ_b at its posterior; arguments as above.
+    """Second moments ``(p, p)`` of the unknowns about the fit, averaged over the posterior of σ_b; arguments as above.
 
-    To first order: at each σ_b the covariance of generalised least squares, and how far its estimate is from here.
+    To first order: at each σ_b the covariance of generalised least squares, plus the square of its estimate's distance
+    from the fit.
     """
     found = np.zeros((jacobian.shape[1],) * 2)
     for size, share in zip(tried, probability(gain), strict=True):
@@ -140,23 +141,23 @@ def averaged_moments(
 
 
 def gains(missed: Array, shares: Array, sizes: Array) -> Array:
-    """Fall of -2 ln likelihood of contrasts ``missed (..., n)`` whose variances are 1 + size² ``shares (n,)`` and not
-    1, ``(..., sizes)``."""
+    """Fall of -2 ln likelihood ``(..., sizes)`` of contrasts ``missed (..., n)`` if their variances are 1 + size²
+    ``shares (n,)`` instead of 1."""
     variance = 1.0 + np.outer(sizes**2, shares)
     return np.asarray(missed**2 @ (1.0 - 1.0 / variance).T - np.sum(np.log(variance), axis=1))
 
 
 def free_of(jacobian: Array, others: Array) -> Array:
-    """Contrasts ``(n - rank, n)`` of unit variance, free of all that was fitted; arguments as above."""
+    """Error contrasts ``(n - rank, n)``: of unit variance, orthogonal to everything fitted; arguments as above."""
     white = np.linalg.inv(np.linalg.cholesky(np.eye(len(jacobian)) + others @ others.T))
     basis, singular, _ = np.linalg.svd(white @ jacobian)
     return np.asarray(basis[:, np.count_nonzero(singular > 1e-9 * singular[0]) :].T @ white)
 
 
 def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) -> float:
-    """p-value of no trend left in residuals ``(n,)`` of this covariance; NaN where none could be told.
+    """p-value of no trend left in residuals ``(n,)`` of this covariance; NaN where no trend could be distinguished.
 
-    A score test: ``jacobian (n, p)`` are the slopes of what was fitted, ``trends (n, t)`` those of what may be there.
+    A score test: ``jacobian (n, p)`` are the derivatives by what was fitted, ``trends (n, t)`` by the trends tested.
     """
     solved = np.linalg.solve(covariance, np.column_stack([jacobian, trends, residual]))
     count = jacobian.shape[1]
@@ -170,6 +171,6 @@ def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) 
 
 
 def effective(unit: Array) -> float:
-    """Unknowns that nuisances amount to: Σ (1 - posterior/prior variance) for slopes ``(n, m)`` in prior units."""
+    """Effective number of fitted nuisances: Σ (1 - posterior/prior variance) for slopes ``(n, m)`` in prior units."""
     information = unit.T @ unit
     return float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))

@@ -1,4 +1,4 @@
-"""The chain of a model as operations (``physics.tape``), executed where a fit wants them."""
+"""The chain of a model as a list of operations (``physics.tape``), evaluated at the points of a fit."""
 
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
@@ -18,10 +18,10 @@ from sandbot_model.physics.tape import FEET, VIRGIN, Moved, Program, Tape, by_de
 from sandbot_model.physics.walking import HELD_N, POLISH, RISES, V_SWIM_M_S, Footing
 
 BASE = {"delta_t": "delta_t_s", "v_swim": "v_swim_m_s"}
-"""Inputs that are parameters of the base model, and these."""
+"""Inputs of the tape that are parameters of the base model, and the names of these."""
 
-LOOKED_FOR = POLISH, RISES, HELD_N, DROP_M, WINDOW
-"""How a footing is searched for, and where legs may jump (see ``walking`` and ``switch``)."""
+FOOTING_SEARCH = POLISH, RISES, HELD_N, DROP_M, WINDOW
+"""Settings of the search for a footing and for jumps of the legs (see ``walking`` and ``switch``)."""
 
 
 class CompiledChains:
@@ -43,7 +43,7 @@ class CompiledChains:
             **{name: (OF_FEET, at) for at, name in enumerate((*FEET, *VIRGIN))},
             "k": (OF_NODE, 0),
         }
-        # The depth is what is searched for, no input.
+        # The depth is searched for: it is no input.
         self._without_feet = {name: of for name, of in self._inputs.items() if of[0] != OF_FEET}
 
     def footing(self, points: Points) -> Footing:
@@ -58,29 +58,29 @@ class CompiledChains:
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
         return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
-    def stood(self, points: Points, apart: Bool) -> tuple[Footing, Array, Array]:
-        """Footing, the observables there ``(4, *points.shape)``, and the share of a cell's trials that each node stands
-        for, where these walk or swim each by itself in cells ``apart (rows or 1, cells)``."""
+    def footing_and_values(self, points: Points, independent: Bool) -> tuple[Footing, Array, Array]:
+        """Footing, the observables there ``(4, *points.shape)``, and the share of a cell's trials that each node
+        represents; in cells ``independent (rows or 1, cells)`` trials walk or swim independently of each other."""
         virgin = "virgin_margin" if self.remembers else "margin"
         of = self._of_switches("margin"), self._of_switches(virgin), self._program(NAMES, self._inputs)
-        at = points.packed, points.at.depths, np.ascontiguousarray(apart)
-        *feet, values, share = kernels.stood(*of, *at, LOOKED_FOR, (NODES, WEIGHTS, EDGES))
+        at = points.packed, points.at.depths, np.ascontiguousarray(independent)
+        *feet, values, share = kernels.footing_and_values(*of, *at, FOOTING_SEARCH, (NODES, WEIGHTS, EDGES))
         return Footing(*(each.reshape(points.shape) for each in feet)), values.reshape(-1, *points.shape), share
 
     def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
         """See ``Chains``."""
         made = self._program(SEEN, self._inputs)
-        again: Moved = self._known(("moved", SEEN), lambda: moved(made, self._moves))
+        repeated: Moved = self._cached(("moved", SEEN), lambda: moved(made, self._moves))
         at = np.array([*feet], dtype=float).reshape(-1, len(points.theta), points.shape[1] * points.shape[2])
-        return np.asarray(machine.evaluate_moved(made, again, points.packed, at, rows).reshape(-1, *points.shape))
+        return np.asarray(machine.evaluate_moved(made, repeated, points.packed, at, rows).reshape(-1, *points.shape))
 
     @property
     def _moves(self) -> list[set[int]]:
         """The registers that change with each parameter, with ln k and with the depth."""
         k, register = self.tape.inputs["k"], self.tape.inputs.items()
         of_theta = [{at for name, at in register if self._inputs.get(name) == (OF_ROW, p)} for p in range(self._count)]
-        # What varies along the track is a spread of k.
-        of_theta = [one | {k} for one in of_theta] if self.varies_phi else of_theta
+        # A spread of φ along the track is a spread of k.
+        of_theta = [registers | {k} for registers in of_theta] if self.varies_phi else of_theta
         return [*of_theta, {k}, {self.tape.inputs[FEET[0]], self.tape.inputs[VIRGIN[0]]}]
 
     def switches(
@@ -98,20 +98,20 @@ class CompiledChains:
         def made() -> Any:
             return *self._arranged(margin), moved(self._margin(margin), []), self._depth(margin)
 
-        return self._known(("switches", margin), made)
+        return self._cached(("switches", margin), made)
 
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
         """See ``Chains``."""
         made = self._margin(margin)
-        # Depths are given: all but that are moved.
-        again: Moved = self._known(("moved", margin), lambda: moved(made, self._moves[:-1]))
-        return np.asarray(machine.places(made, again, points.packed, self._depth(margin), pairs, depths, rows))
+        # The depths are given: everything else is moved.
+        repeated: Moved = self._cached(("moved", margin), lambda: moved(made, self._moves[:-1]))
+        return np.asarray(machine.places(made, repeated, points.packed, self._depth(margin), pairs, depths, rows))
 
     def _margin(self, margin: str) -> Program:
         return self._program((margin,), self._without_feet)
 
     def _depth(self, margin: str) -> int:
-        """The register of the depth that a margin is at."""
+        """The register of a margin's depth."""
         return self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
 
     def _arranged(self, margin: str) -> tuple[Program, Ints, tuple[Program, int]]:
@@ -121,7 +121,7 @@ class CompiledChains:
             plain = self._margin(margin)
             return *by_depth(plain), depth_last(plain, self._depth(margin))
 
-        found: tuple[Program, Ints, tuple[Program, int]] = self._known(("by depth", margin), arranged)
+        found: tuple[Program, Ints, tuple[Program, int]] = self._cached(("by depth", margin), arranged)
         return found
 
     def _holds(self, points: Points, margin: str) -> tuple[Array, Bool]:
@@ -131,10 +131,10 @@ class CompiledChains:
 
     def _program(self, outputs: tuple[str, ...], inputs: Mapping[str, tuple[int, int]]) -> Program:
         fixed = {} if "v_swim" in self._inputs else {"v_swim": V_SWIM_M_S}
-        found: Program = self._known((outputs, len(inputs)), lambda: program(self.tape, outputs, inputs, fixed))
+        found: Program = self._cached((outputs, len(inputs)), lambda: program(self.tape, outputs, inputs, fixed))
         return found
 
-    def _known(self, key: Hashable, make: Callable[[], Any]) -> Any:
+    def _cached(self, key: Hashable, make: Callable[[], Any]) -> Any:
         if key not in self.tape.programs:
             self.tape.programs[key] = make()
         return self.tape.programs[key]

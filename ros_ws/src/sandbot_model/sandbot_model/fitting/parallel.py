@@ -1,4 +1,4 @@
-"""Many fits at once, by a crew (``sandbot_common.crew``)."""
+"""Fits in parallel, by a crew of worker processes (``sandbot_common.crew``)."""
 
 import sys
 from collections.abc import Callable
@@ -12,5 +12,5 @@ Progress = Callable[[str, int, int], None]
 
 
 def users_modules() -> list[ModuleType]:
-    """Modules of a user's effects, which a worker could not import by name."""
+    """Modules of users' effects, which a worker process could not import by name."""
     return [module for name, module in sys.modules.items() if name.startswith(USER_MODULE)]

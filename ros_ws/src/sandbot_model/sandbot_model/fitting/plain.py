@@ -1,4 +1,4 @@
-"""Results as plain data: what the JSON of ``compare`` and ``discover`` is made of."""
+"""Results as plain data, for the JSON of ``compare`` and ``discover``."""
 
 from dataclasses import is_dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Where a fit evaluates a chain, and the two ways in which it is: as operations (``operations``) or on arrays."""
+"""The points at which a fit evaluates a chain, and how: as compiled operations (``operations``) or on arrays."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walke
 Feet = Iterable[Any]
 """The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
 Pairs = tuple[Ints, Ints, Ints]
-"""Rows, cells and nodes ``(pairs,)``; of a pair of neighbouring nodes the lower one."""
+"""Rows, cells and nodes ``(pairs,)``; of a pair of neighbouring nodes the softer one."""
 CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end")
-"""Inputs of a chain that a cell is."""
+"""Inputs of a chain that depend on the cell."""
 SEEN = (*NAMES, "margin", "virgin_margin")
-"""What derivatives are taken of: the observables, and the force margins [N], steady and on virgin ground."""
+"""Quantities that derivatives are taken of: the observables, and the force margins [N], steady and on virgin ground."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What a cell is, arrays ``(cells,)``; of every row, ``(rows, cells)``, φ may be, and all in ``some``."""
+    """Conditions of the cells, arrays ``(cells,)``; φ may be ``(rows, cells)``, as may all that ``some`` returns."""
 
     omega: Array
     phi: Array
@@ -34,17 +34,17 @@ class Conditions:
     slow_begin: Array
     slow_end: Array
     depths: Array
-    """Those at which the margin is tried."""
+    """Depths at which the margin is evaluated."""
 
     @cached_property
     def packed(self) -> Array:
-        """``CONDITIONS`` in one piece, ``(6, rows or 1, cells)``."""
+        """``CONDITIONS`` as one array ``(6, rows or 1, cells)``."""
         phi = np.atleast_2d(self.phi)
         others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin, self.slow_end)
         return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
 
     def some(self, row: Ints, cell: Ints) -> "Conditions":
-        """Those of some cells, one to a row."""
+        """The conditions of some cells, one cell a row."""
 
         def its(each: Array) -> Array:
             return (each[cell] if each.ndim == 1 else each[row, cell % each.shape[1]])[:, None]
@@ -54,7 +54,7 @@ class Conditions:
 
     @classmethod
     def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
-        """For this walker."""
+        """Conditions with what depends on the walker filled in."""
         return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.slow_end_m(clock), walker.depths(clock))
 
 
@@ -74,7 +74,7 @@ class Points:
 
     @cached_property
     def packed(self) -> tuple[Array, ...]:
-        """As ``machine`` wants them: copies, so that there is one kind of array to compile for."""
+        """Arguments for ``machine``: contiguous copies, so that it is compiled for one kind of array only."""
         parts = self.theta, self.at.packed, self.k, self.curve.phi, np.atleast_2d(self.curve.k_n_per_m)
         return tuple(np.array(part, dtype=float, order="C") for part in parts)
 
@@ -83,7 +83,7 @@ class Chains(Protocol):
     """Evaluates the chain of a model."""
 
     uses_phi: bool
-    """Whether anything depends on φ but for k."""
+    """Whether anything else than k depends on φ."""
     varies_phi: bool
     """Whether an effect lets φ vary along the track."""
 
@@ -94,34 +94,34 @@ class Chains(Protocol):
         """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
 
     def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
-        """``SEEN`` of points in blocks of ``rows`` rows: in each another parameter is moved, then ln k, then the depth,
-        and nothing in the last ``(6, *points.shape)``."""
+        """``SEEN`` ``(6, *points.shape)`` of points in blocks of ``rows`` rows: moved in each parameter in turn, in
+        ln k, in the depth, and not at all."""
 
     def switches(
         self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
     ) -> tuple[Pairs, Array, Array]:
-        """Pairs between whose nodes legs jump, see ``machine.switches``: depths about the highest margins ``(pairs, 2,
-        n)``, and where between the nodes k begins to suffice (0 to 1)."""
+        """Those of the pairs of nodes between which legs jump (see ``machine.switches``), depths about the maxima of
+        their margins ``(pairs, 2, n)``, and where between the nodes k becomes sufficient (0 to 1)."""
 
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
-        """The last for the same pairs in blocks of ``rows`` rows, those of ``seen_moved`` but that of the depth
-        ``(blocks - 1, pairs)``."""
+        """Where k becomes sufficient for given pairs in each block of ``rows`` rows ``(blocks - 1, pairs)``; blocks as
+        in ``seen_moved``, without that of the depth."""
 
 
 class ArrayChains:
-    """The chain as it is written, on arrays."""
+    """The chain evaluated by numpy, for effects that can't be recorded."""
 
     def __init__(self, model: Model) -> None:
         self.model, self.walker = model, model.walker
         self.varies_phi = True
-        starts = [{one.name: one.start for one in effect.parameters} for effect in self.walker.effects]
+        starts = [{p.name: p.start for p in effect.parameters} for effect in self.walker.effects]
         tried = Inputs(200.0, 8.0, 0.4, np.array([0.6, 0.61]), k_of_phi=KCurve(np.array([0.6, 0.61]), np.full(2, 2e2)))
         self.uses_phi = self.walker.predict(tried, starts).speed_m_s.ndim > 0
 
     def footing(self, points: Points) -> Footing:
         """See ``Chains``."""
         found = self.walker.footing(*self._inputs(points))
-        # Arrays of their own: for what can only be read every kernel would be compiled once more.
+        # Copies: for read-only arrays every kernel would be compiled once more.
         return Footing(*(np.array(np.broadcast_to(part, points.shape)) for part in vars(found).values()))
 
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:

@@ -1,10 +1,10 @@
-"""A sample of what data do not exclude, where the deviance has cliffs and many valleys.
+"""A posterior sample, for a deviance with cliffs and many local minima.
 
-Where robots stop walking says how stiff ground is for a Δt, and little of either: held at another Δt every k and offset
-has cliffs to cross, at which a descent stops. An ensemble walks across: each member moves by what two others differ by
-(ter Braak 2006, Stat. Comput. 16, 239; emcee: Foreman-Mackey et al. 2013, PASP 125, 306), under a flat prior within
-what a fit may search. Members begin all over the plausible range of the parameters that are no parabolas, each held
-there and all else fitted on a bed so rough that no single condition beside a switch can pull.
+The condition at which the robot stops walking determines k for a given Δt, but neither alone: at another Δt every k and
+bed offset has to cross cliffs, where a descent stops. An ensemble crosses them: each walker moves by the difference of
+two others (ter Braak 2006, Stat. Comput. 16, 239; emcee: Foreman-Mackey et al. 2013, PASP 125, 306), under a flat prior
+within the search ranges. Walkers start all over the plausible range of each parameter whose deviance is not parabolic:
+it is held, and all else fitted with so much scatter of k that no single condition near a switch dominates.
 """
 
 from collections.abc import Sequence
@@ -24,48 +24,47 @@ from sandbot_model.physics.arrays import Array, Bool
 if TYPE_CHECKING:
     import emcee
 
-ROUGH = (0.02, 0.01, 0.005)
-"""How far ln k of a condition scatters on rough beds, one after the other."""
+SCATTERS = (0.02, 0.01, 0.005)
+"""Additional scatter of ln k between conditions, reduced from fit to fit."""
 ITERATIONS = 15
 HELD = 2.0 ** -np.arange(2, 8)
-"""How far to either side a parameter is held, in plausible ranges."""
-AWAY = 2.0
-"""Deviance above the least, for each unknown, from which no member begins: twice what is usual."""
+"""Distances to either side at which a parameter is held, in plausible ranges."""
+MAX_EXCESS = 2.0
+"""Deviance above the minimum, per unknown, above which no walker starts: twice the expected value."""
 LN_K_REACH = 0.5
-"""How far ln k of a level, or an offset of it, may be from where it is."""
-APART = 5e-4
-"""How far apart members begin, in what may be searched."""
+"""Largest change of ln k of a level, or of an offset of it."""
+JITTER = 5e-4
+"""Standard deviation of the walkers' initial positions, in search ranges."""
 MEMBERS = 24
-"""At least; more than twice the unknowns as well."""
-BEFORE, STEPS = 120, 200
-"""Steps until members that are still far off are put where others are, and again until they count; those that count."""
-LOST = 5.0
-"""Standard deviations of a usual deviance above the members' median from which a member is far off."""
+"""Least number of walkers; also more than twice the unknowns."""
+BURN_IN, STEPS = 120, 200
+"""Steps of each half of the burn-in, between which stray walkers are replaced, and steps that are kept."""
+STRAY = 5.0
+"""Deviance above the walkers' median, in standard deviations of its expected distribution, that makes one a stray."""
 SEED = 1
 
 
 def moments(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -> Array:
-    """Mean products ``(n, n)`` of how far the n unknowns that are ``free (parameters + levels,)``, of θ and ln k, are
-    from a state, one row.
+    """Second moments ``(n, n)`` about a state (one row) of the n unknowns of θ and ln k that are ``free (parameters +
+    levels,)``.
 
-    ``along`` are the parameters, by index in θ, that are no parabolas.
+    ``along`` are the parameters, by index in θ, along which the deviance is not parabolic.
     """
-    problem, begin = _beside_single_conditions(problem, begin)
+    problem, begin = _single_cell_offsets_marginalised(problem, begin)
     ensemble = _Ensemble(problem, begin, free)
-    members = ensemble.begun(joined([begin, *(_held(problem, begin, index) for index in along)]))
+    members = ensemble.initial(joined([begin, *(_held(problem, begin, index) for index in along)]))
     sampler = ensemble.sampler(len(members))
-    members = ensemble.found_again(sampler.run_mcmc(members, BEFORE, skip_initial_state_check=True))
-    members = sampler.run_mcmc(members, BEFORE, skip_initial_state_check=True)
+    members = ensemble.strays_replaced(sampler.run_mcmc(members, BURN_IN, skip_initial_state_check=True))
+    members = sampler.run_mcmc(members, BURN_IN, skip_initial_state_check=True)
     sampler.reset()
     sampler.run_mcmc(members, STEPS, skip_initial_state_check=True)
     away = (sampler.get_chain(flat=True) - ensemble.here)[:, : np.count_nonzero(free)]
     return np.asarray(away.T @ away / len(away))
 
 
-def _beside_single_conditions(problem: Problem, begin: States) -> tuple[Problem, States]:
-    """The same without offsets of the bed under single conditions, which need not be sampled: to first order about a
-    state they widen the covariance of what was measured there, and beside a switch replicates walk by what they share.
-    """
+def _single_cell_offsets_marginalised(problem: Problem, begin: States) -> tuple[Problem, States]:
+    """The same with the bed offsets of single cells marginalised, so that they need not be sampled: to first order they
+    widen the covariance of the cell mean; near a switch they become the sd of ln k that the cell's replicates share."""
     nuisances = problem.nuisances
     if nuisances is None or not nuisances.of_one_cell.any():
         return problem, begin
@@ -79,32 +78,32 @@ def _beside_single_conditions(problem: Problem, begin: States) -> tuple[Problem,
 
 
 def _held(problem: Problem, begin: States, index: int) -> States:
-    """Fits with θ[index] held at values to both sides, all else found on ever less rough beds."""
+    """Fits with θ[index] held at values to both sides, all else fitted with ever less additional scatter of k."""
     parameter = problem.model.parameters[index]
     away = np.concatenate([-HELD, HELD]) * parameter.width
     values = np.unique(np.clip(begin.theta[0, index] + away, *parameter.search))
     rows = np.zeros(len(values), dtype=np.int64)
     theta, ln_k, slope, bed = begin.theta[rows], begin.ln_k[rows], begin.slope[rows], problem.bed(begin)[rows]
     theta[:, index] = values
-    for one in (*(_rougher(problem, ln_k_sd) for ln_k_sd in ROUGH), problem):
-        found = descend(one, one.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
-        theta, ln_k, bed = found.theta, found.ln_k, one.bed(found)
+    for stage in (*(_with_k_scatter(problem, ln_k_sd) for ln_k_sd in SCATTERS), problem):
+        found = descend(stage, stage.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
+        theta, ln_k, bed = found.theta, found.ln_k, stage.bed(found)
     return found
 
 
-def _rougher(problem: Problem, ln_k_sd: float) -> Problem:
-    own = problem.nuisances or _none(len(problem.cells))
-    return replace(problem, nuisances=own.rougher(ln_k_sd))
+def _with_k_scatter(problem: Problem, ln_k_sd: float) -> Problem:
+    own = problem.nuisances or _no_nuisances(len(problem.cells))
+    return replace(problem, nuisances=own.with_k_scatter(ln_k_sd))
 
 
-def _none(cells: int) -> Nuisances:
+def _no_nuisances(cells: int) -> Nuisances:
     return Nuisances((), np.zeros(0), np.zeros((cells, 4, 0)), np.zeros(cells), np.zeros(0), np.zeros((cells, 0)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Ensemble:
-    """Members ``(members, unknowns)``: of θ and ln k those that are ``free``, and the offsets of the bed. Readings off
-    their zero or scale are what suits best at each place."""
+    """Walkers ``(members, unknowns)``: the ``free`` ones of θ and ln k, then the offsets of the bed. Zero offsets and
+    scale errors of the readings take their most likely values."""
 
     problem: Problem
     begin: States
@@ -112,33 +111,33 @@ class _Ensemble:
 
     @cached_property
     def here(self) -> Array:
-        """The state ``(unknowns,)``."""
+        """The unknowns at the state ``(unknowns,)``."""
         return np.asarray(self._packed(self.begin)[0])
 
     @cached_property
     def bed(self) -> Bool:
-        """Which nuisances are the bed's."""
+        """Which nuisances are offsets of the bed."""
         nuisances = self.problem.nuisances
         return np.zeros(0, dtype=bool) if nuisances is None else nuisances.moves_k
 
     @cached_property
     def ends(self) -> tuple[Array, Array]:
-        """What may be searched ``(unknowns,)``."""
+        """Lower and upper ends of the search ranges ``(unknowns,)``."""
         low, high = (end[self.free[: len(end)]] for end in bounds(self.problem))
         others = self.here[len(low) :]
         return np.concatenate([low, others - LN_K_REACH]), np.concatenate([high, others + LN_K_REACH])
 
-    def begun(self, places: States) -> Array:
-        """Members about some of the places."""
-        near = np.flatnonzero(places.deviance < places.deviance.min() + AWAY * len(self.here))
-        apart = APART * np.subtract(*self.ends[::-1])
-        random, count = np.random.default_rng(SEED), max(MEMBERS, 2 * len(apart) + 2)
+    def initial(self, places: States) -> Array:
+        """Initial positions, scattered about randomly chosen ``places`` of low deviance."""
+        near = np.flatnonzero(places.deviance < places.deviance.min() + MAX_EXCESS * len(self.here))
+        jitter = JITTER * np.subtract(*self.ends[::-1])
+        random, count = np.random.default_rng(SEED), max(MEMBERS, 2 * len(jitter) + 2)
         members = self._packed(places)[random.choice(near, count)]
-        return np.asarray(np.clip(members + apart * random.normal(size=members.shape), *self.ends))
+        return np.asarray(np.clip(members + jitter * random.normal(size=members.shape), *self.ends))
 
     def sampler(self, members: int) -> "emcee.EnsembleSampler":
-        """Moves them."""
-        # Imported now: no command that needs no sample waits for it.
+        """The emcee sampler."""
+        # Imported here: commands that need no sample do not wait for it.
         import emcee
 
         moves = [(emcee.moves.DEMove(), 0.7), (emcee.moves.StretchMove(), 0.3)]
@@ -147,7 +146,7 @@ class _Ensemble:
         return made
 
     def ln_probability(self, members: Array) -> Array:
-        """Of each ``(members,)``."""
+        """ln posterior of each ``(members,)``."""
         inside = np.clip(members, *self.ends)
         rows, unknowns = np.zeros(len(members), dtype=np.int64), np.count_nonzero(self.free)
         every = np.concatenate([self.begin.theta, self.begin.ln_k], axis=1)[rows]
@@ -159,10 +158,10 @@ class _Ensemble:
         possible = np.isfinite(deviance) & (inside == members).all(axis=1)
         return np.where(possible, -0.5 * deviance, -np.inf)
 
-    def found_again(self, state: "emcee.State") -> Array:
-        """The members, those that are far off where others are."""
+    def strays_replaced(self, state: "emcee.State") -> Array:
+        """Positions of the walkers, strays moved to those of randomly chosen others."""
         deviance = -2 * state.log_prob
-        far = deviance > np.median(deviance) + LOST * np.sqrt(2 * len(self.here))
+        far = deviance > np.median(deviance) + STRAY * np.sqrt(2 * len(self.here))
         random, members = np.random.default_rng(SEED), np.array(state.coords)
         members[far] = members[random.choice(np.flatnonzero(~far), np.count_nonzero(far))]
         return members

@@ -1,9 +1,9 @@
-"""Where to start: a coarse look at all shared parameters, with every k profiled exactly.
+"""Starting points: a coarse sample of the shared parameters, with every k profiled out.
 
-The deviance has many minima: where the model swims it is flat, and every cell that crosses a switch makes a step. For
-given shared parameters, though, each level's k is a problem of its own in one dimension. So one table of predictions
-over (θ, k, ω) serves all levels, and between two nodes of the k grid the residual is taken as linear, whose minimum
-is known:
+The deviance has many minima: where the model swims it is flat, and at every cell that crosses a switch it has a step.
+For given shared parameters, though, each level's k is a one-dimensional problem of its own. One table of predictions
+over (θ, k, ω) serves all levels; between two nodes of the k grid the residual is taken as linear, so that the minimum
+is known in closed form:
 
     q(t) = |(1 - t) r_0 + t r_1|²,   t* = (S_00 - S_01)/(S_00 - 2 S_01 + S_11) in [0, 1]
 """
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.fitting.levenberg_marquardt import FOUND_AT_ONCE
+from sandbot_model.fitting.levenberg_marquardt import NOT_SEARCHED
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
@@ -20,21 +20,21 @@ from sandbot_model.physics.model import Model
 
 K_GRID = 48
 K_RANGE = (0.55, 4.0)
-"""k over mg/(2R - h): from ground that never carries the robot by a linear law, to ground as hard as it matters."""
+"""k over mg/(2R - h): from ground that by a linear law never carries the robot, to effectively rigid ground."""
 CHUNK = 8
 MIN_DISTANCE = 0.15
-"""Starts closer than this in every parameter, as part of its plausible range, count as the same."""
+"""Starts closer than this in every parameter, as a share of its plausible range, count as the same."""
 MAX_STARTS = 12
-"""Starts from which a descent begins."""
+"""Most starts from which descents begin."""
 NEAR_DELTA_T = 1.45
-"""Factor either side of the Δt found within which a second sample is drawn."""
+"""Factor to either side of the Δt found within which a second sample is drawn."""
 RESAMPLED = 24
-"""Points for each parameter of an effect in that sample."""
+"""Points of that sample for each of its dimensions."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a descent begins: θ ``(parameters,)``, ln k ``(levels,)`` and the coarse deviance there."""
+    """Start of a descent: θ ``(parameters,)``, ln k ``(levels,)`` and the coarse deviance there."""
 
     theta: Array
     ln_k: Array
@@ -44,47 +44,47 @@ class Start:
 def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = None) -> list[Start]:
     """The most promising distinct points of a wide low-discrepancy sample, best first.
 
-    ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are further points to try.
+    ``k_curve (levels,)`` is the k(φ) given to effects that ask for it; ``also (m, parameters)`` are further points.
     """
     model = problem.model
     k_grid = critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID)
     unit = _samples(model)
     if also is not None:
         unit = np.concatenate([_unit(model, also), unit])
-    return _distinct(model, _try(problem, unit, slope, k_curve, k_grid), MAX_STARTS)
+    return _distinct(model, _profile_all(problem, unit, slope, k_curve, k_grid), MAX_STARTS)
 
 
 def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
-    """Starts with Δt near what was found (θ ``(parameters,)``) and the effects' parameters anywhere in their ranges.
+    """Starts with Δt near that of θ ``(parameters,)`` and the effects' parameters anywhere in their ranges.
 
-    A switch leaves its mark in a narrow range of its parameters that a wide sample sees only where Δt is nearly right.
+    A switch shows only in a narrow range of an effect's parameters, which a sample misses unless Δt is nearly right.
     """
     model = problem.model
     at = [i for i, name in enumerate(model.names) if "." in name]
     if not at:
         return []
     unit = np.repeat(_unit(model, theta)[None], RESAMPLED * (len(at) + 1), axis=0)
-    sample = _even(len(unit), len(at) + 1)
+    sample = _low_discrepancy(len(unit), len(at) + 1)
     unit[:, at] = sample[:, :-1]
     clock = model.names.index("delta_t_s")
     unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / _width(model)[clock]
     k = np.exp(ln_k)
-    k_grid = _closer(k, critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID))
-    return _distinct(model, _try(problem, unit, slope, k, k_grid), MAX_STARTS // 2)
+    k_grid = _narrowed(k, critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID))
+    return _distinct(model, _profile_all(problem, unit, slope, k, k_grid), MAX_STARTS // 2)
 
 
-def _distinct(model: Model, tried: "_Tried", most: int) -> list[Start]:
+def _distinct(model: Model, sample: "_Profiled", most: int) -> list[Start]:
     chosen: list[int] = []
-    for index in np.argsort(tried.deviance):
-        if all(np.abs(tried.unit[index] - tried.unit[other]).max() > MIN_DISTANCE for other in chosen):
+    for index in np.argsort(sample.deviance):
+        if all(np.abs(sample.unit[index] - sample.unit[other]).max() > MIN_DISTANCE for other in chosen):
             chosen.append(int(index))
         if len(chosen) == most:
             break
-    return [Start(_theta(model, tried.unit[i]), tried.ln_k[i], float(tried.deviance[i])) for i in chosen]
+    return [Start(_theta(model, sample.unit[i]), sample.ln_k[i], float(sample.deviance[i])) for i in chosen]
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
+class _Profiled:
     """Points in unit coordinates ``(m, parameters)`` with their profiled deviance and ln k."""
 
     unit: Array
@@ -92,14 +92,14 @@ class _Tried:
     ln_k: Array
 
 
-def _try(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Array) -> _Tried:
+def _profile_all(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Array) -> _Profiled:
     theta = _theta(problem.model, unit)
     parts = [profile(problem, theta[i : i + CHUNK], slope, k_curve, k_grid) for i in range(0, len(theta), CHUNK)]
-    return _Tried(unit, *(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return _Profiled(unit, *(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _closer(k: Array, k_grid: Array) -> Array:
-    """A grid of as many nodes over the range of the k found."""
+def _narrowed(k: Array, k_grid: Array) -> Array:
+    """A grid of as many nodes over the range of ``k (levels,)``, where that is within the grid."""
     inside = k[k > k_grid[0] * 1.02]
     if not len(inside):
         return k_grid
@@ -107,7 +107,7 @@ def _closer(k: Array, k_grid: Array) -> Array:
 
 
 def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid: Array) -> tuple[Array, Array]:
-    """The least deviance over all k for each θ ``(m, parameters)``, shape ``(m,)``, and the ln k ``(m, levels)``."""
+    """Deviance minimised over all k for each θ ``(m, parameters)``, ``(m,)``, and the ln k there ``(m, levels)``."""
     same = np.zeros((len(theta), len(problem.cells.level_phi), len(k_grid)))
     cross = np.zeros((*same.shape[:2], len(k_grid) - 1))
     if problem.cells.pressed is not None:
@@ -120,8 +120,8 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
 
 
 def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) -> Array:
-    """Penetrometer readings minus model in standard deviations ``(readings, m, k)``, as if they shared nothing: every
-    level has its own k, and only these tables are added up."""
+    """Penetrometer readings minus model in standard deviations ``(readings, m, k)``. Correlations of their errors are
+    neglected: the tables are summed level by level."""
     assert problem.cells.pressed is not None
     ln_k = np.repeat(np.log(k_grid)[:, None], len(problem.cells.level_phi), axis=1)
     missed = [problem.missed_forces(np.repeat(row[None], len(k_grid), axis=0), ln_k, slope) for row in theta]
@@ -129,7 +129,7 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
 
 
 def search_box(model: Model) -> tuple[Array, Array]:
-    """Ends of the plausible ranges ``(parameters,)``, Δt as its logarithm."""
+    """Lower and upper ends of the plausible ranges ``(parameters,)``, with ln Δt for Δt."""
     ranges = np.array([(parameter.low, parameter.high) for parameter in model.parameters])
     return _scaled(model, ranges[:, 0]), _scaled(model, ranges[:, 1])
 
@@ -146,7 +146,7 @@ def _unit(model: Model, theta: Array) -> Array:
 
 
 def _width(model: Model) -> Array:
-    """Widths of the ranges ``(parameters,)``, infinite for one that is held: it stays at 0 in unit coordinates."""
+    """Widths of the ranges ``(parameters,)``, infinite for a held parameter, which stays at 0 in unit coordinates."""
     low, high = search_box(model)
     return np.where(high > low, high - low, np.inf)
 
@@ -160,18 +160,17 @@ def _theta(model: Model, unit: Array) -> Array:
 
 
 def _samples(model: Model) -> Array:
-    """An even sample of the plausible ranges in unit coordinates; v_swim, found by any descent, at its start."""
-    free = [i for i, name in enumerate(model.names) if name != FOUND_AT_ONCE]
+    """A low-discrepancy sample of the plausible ranges in unit coordinates; v_swim stays at its start value."""
+    free = [i for i, name in enumerate(model.names) if name != NOT_SEARCHED]
     count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
     unit = np.tile(_unit(model, np.array([parameter.start for parameter in model.parameters])), (count, 1))
-    unit[:, free] = _even(count, len(free))
+    unit[:, free] = _low_discrepancy(count, len(free))
     return unit
 
 
-def _even(count: int, dimensions: int) -> Array:
-    """Points ``(count, dimensions)`` in the unit cube: additive recurrence with the generalised golden ratio.
-
-    Even in any dimension, and the same every time.
+def _low_discrepancy(count: int, dimensions: int) -> Array:
+    """Low-discrepancy points ``(count, dimensions)`` in the unit cube: additive recurrence with the generalised golden
+    ratio; deterministic.
     """
     root = 1.5
     for _ in range(40):

@@ -27,9 +27,9 @@ class States:
     predicted: Array
     """Cell means [SI], ``(rows, cells, 4)``."""
     covariance: Array
-    """Of what was measured about what is predicted, ``(rows, cells, 4, 4)``."""
+    """Of the measured cell means about the predicted ones, ``(rows, cells, 4, 4)``."""
     whiten: Array
-    """Makes residuals independent with variance 1, ``(rows, cells, 4, 4)``."""
+    """Whitening matrix: makes residuals independent with variance 1, ``(rows, cells, 4, 4)``."""
     residual: Array
     """Whitened, ``(rows, cells, 4)``."""
     cell_deviance: Array
@@ -37,11 +37,11 @@ class States:
     pressed: Array
     """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
     shared: Array
-    """Minus the nuisances in units of their priors ``(rows, nuisances)``: a reading of 0 each."""
+    """Residuals of the priors: minus the nuisances in units of their prior sd ``(rows, nuisances)``."""
 
     @cached_property
     def deviance(self) -> Array:
-        """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
+        """-2 ln likelihood up to a constant ``(rows,)``: χ² plus the ln |V_c/V_c0| of mixtures near a switch."""
         prior = np.sum(self.pressed**2, axis=1) + np.sum(self.shared**2, axis=1)
         return np.asarray(self.cell_deviance.sum(axis=1) + prior)
 
@@ -62,7 +62,7 @@ class States:
         return self.take(np.argmin(self.deviance, keepdims=True))
 
     def where(self, better: Bool, other: "States") -> "States":
-        """Rows of ``other`` where ``better (rows,)``, else of these."""
+        """Rows of ``other`` where it is ``better (rows,)``, else of this."""
         if better.all():
             return other
         if not better.any():
@@ -77,7 +77,7 @@ class States:
 
 
 def joined(parts: Sequence[States]) -> States:
-    """The rows of all."""
+    """The rows of all parts, concatenated."""
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
     feet = zip(*(vars(part.footing).values() for part in parts), strict=True)
     return States(footing=Footing(*(np.concatenate(each) for each in feet)), **arrays)

@@ -1,8 +1,9 @@
-"""Beside a switch: which share of a cell's trials walks, or walks another way.
+"""Near a switch between swimming and walking, or between two depths: the share of a cell's trials on either side.
 
-A node stands for its part of the normal distribution of φ, and of five nodes 1, 23, 77 or 99 % walk. But the most the
-margin comes to grows with k, nearly in proportion: where it is 0 between the last node that swims and the first that
-walks, the parts of the two meet. So where legs come to hold at another depth, in ground that their steps disturb.
+A quadrature node represents its part of the normal distribution of φ, so that with five nodes only shares of 1, 23, 77
+or 99 % could walk. But the maximum of the force margin grows with k, nearly in proportion: the edge between the last
+node that swims and the first that walks is put where this maximum is 0. The same is done where legs jump to another
+depth, in ground that their steps disturb.
 """
 
 from collections.abc import Sequence
@@ -19,12 +20,12 @@ from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import Footing
 
 EDGES = ndtri(np.cumsum(WEIGHTS)[:-1])
-"""Where the parts of neighbouring nodes meet, away from any switch."""
+"""Edges [σ of k] between the parts of neighbouring nodes, away from any switch."""
 
 DROP_M = 1e-3
-"""Neighbouring nodes of which one stands deeper by more are looked at."""
+"""Neighbouring nodes whose depths differ by more than this may have a switch between them."""
 WINDOW = np.linspace(-2.0, 2.0, 17)
-"""Depths about the highest place on the grid, in its steps, that say how high a margin rises there."""
+"""Depths, in grid steps about the grid's maximum of the margin, at which that maximum is refined."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,13 @@ class Switches:
     below: Ints
     """The softer node of the two."""
     depths: Array
-    """About where the margin is highest [m], of the softer node and of the stiffer ``(switches, 2, WINDOW)``."""
+    """Depths about the maximum of the margin [m], of the softer and the stiffer node ``(switches, 2, WINDOW)``."""
     at: Array
-    """Where k begins to suffice [σ of k]."""
+    """Where k becomes sufficient [σ of k]."""
 
     @property
     def pairs(self) -> Pairs:
-        """The nodes that they are between."""
+        """The pairs of nodes that enclose each switch."""
         return self.row, self.cell, self.below
 
     def take(self, which: Bool) -> "Switches":
@@ -52,37 +53,37 @@ class Switches:
 
 _NO = np.empty(0, dtype=np.int64)
 NONE = Switches(_NO, _NO, _NO, np.empty((0, 2, len(WINDOW))), np.empty(0))
-_AVERAGED, _SPARED = np.zeros(len(Observable), dtype=bool), np.zeros(len(Observable), dtype=bool)
-_SPARED[[Observable.lift, Observable.peak_speed]] = True  # along a track these are no averages (see ``node_weights``)
+_NONE_FIXED, _NOT_AVERAGED = np.zeros(len(Observable), dtype=bool), np.zeros(len(Observable), dtype=bool)
+_NOT_AVERAGED[[Observable.lift, Observable.peak_speed]] = True  # along a track (see ``averaging.node_weights``)
 
 
 def switches_of(
-    chains: Chains, points: Points, footing: Footing, apart: Bool, *, remembers: bool
+    chains: Chains, points: Points, footing: Footing, independent: Bool, *, remembers: bool
 ) -> list[tuple[str, Switches]]:
-    """Those of the steady gait, and of the first step on virgin ground where that differs, by their margin.
+    """Switches of the steady gait, and of the first step on virgin ground where that differs, with their margin's name.
 
-    Of cells ``apart (rows or 1, cells)``, whose replicates walk or swim each by itself.
+    Only in cells ``independent (rows or 1, cells)``, whose replicates walk or swim independently of each other.
     """
-    steady = _between(chains, points, "margin", footing.depth, footing.walking, apart)
+    steady = _between(chains, points, "margin", footing.depth, footing.walking, independent)
     if not remembers:
         return [("margin", steady)]
-    virgin = _between(chains, points, "virgin_margin", footing.virgin_depth, footing.virgin_walking, apart)
-    # Of two between the same nodes the steady gait's is the one that more observables see.
+    virgin = _between(chains, points, "virgin_margin", footing.virgin_depth, footing.virgin_walking, independent)
+    # Of two switches between the same nodes the steady gait's is kept: more observables depend on it.
     taken = np.zeros((*points.shape[:2], points.shape[2] - 1), dtype=bool)
     taken[steady.row, steady.cell, steady.below] = True
     return [("margin", steady), ("virgin_margin", virgin.take(~taken[virgin.row, virgin.cell, virgin.below]))]
 
 
 def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]) -> Array:
-    """The share of a cell's trials that each node stands for ``(rows, cells, nodes)``; their sum is 1."""
+    """The share of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
     share = np.empty(shape)
     share[:] = WEIGHTS
     for _, these in found:
-        kernels.hand_over(share, EDGES, these.row, these.cell, these.below, these.at)
+        kernels.shift_edges(share, EDGES, these.row, these.cell, these.below, these.at)
     return share
 
 
-def turn(
+def add_switch_slopes(
     local: Array,
     chains: Chains,
     points: Points,
@@ -93,9 +94,9 @@ def turn(
     *,
     along_the_track: bool,
 ) -> None:
-    """Add to ``local (rows, cells, 4, parameters + 1)``, see ``kernels.local_jacobian``, what the same switches do that
-    move: ``points`` are blocks of rows, each with one parameter moved by ``steps``, the last with none. ``of``: values
-    of the nodes, whitening, and what was measured."""
+    """Add the derivatives due to moving switches to ``local (rows, cells, 4, parameters + 1)`` of
+    ``kernels.local_jacobian``: ``points`` are blocks of rows, each with one parameter moved by ``steps``, the last
+    unmoved. ``of``: values of the nodes, whitening, and which values were measured."""
     if not len(these.row):
         return
     values, whiten, measured = of
@@ -103,12 +104,12 @@ def turn(
     places = chains.places(margin, points, these.pairs, these.depths, len(local))
     places = NODES[these.below] + places * (NODES[these.below + 1] - NODES[these.below])
     by = (places[:count] - places[-1]) / steps[:count, these.row]
-    spared = _SPARED if along_the_track else _AVERAGED
-    kernels.turn(local, whiten, measured, values, these.pairs, these.at, by, spared)
+    fixed = _NOT_AVERAGED if along_the_track else _NONE_FIXED
+    kernels.add_switch_slopes(local, whiten, measured, values, these.pairs, these.at, by, fixed)
 
 
-def _between(chains: Chains, points: Points, margin: str, depth: Array, walks: Bool, apart: Bool) -> Switches:
-    pairs = kernels.apart(depth, walks, apart, DROP_M)
+def _between(chains: Chains, points: Points, margin: str, depth: Array, walks: Bool, independent: Bool) -> Switches:
+    pairs = kernels.candidate_pairs(depth, walks, independent, DROP_M)
     if not len(pairs[0]):
         return NONE
     row, cell, below = pairs

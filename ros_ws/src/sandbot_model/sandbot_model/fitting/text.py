@@ -1,4 +1,4 @@
-"""Numbers and tables as people read them: as many digits as the error allows, never a silent NaN."""
+"""Numbers and tables as text: as many digits as the error allows, never a silent NaN."""
 
 import html
 import math
@@ -10,9 +10,9 @@ from sandbot_model.physics.observables import CM
 
 UNKNOWN = "not known"
 UNDETERMINED = "not determined"
-"""A parameter of which the data know no error."""
+"""Shown for a parameter whose error the data do not determine."""
 WIDTH = 100
-"""Columns of a line of text at most."""
+"""Greatest width of a line of text [columns]."""
 
 Rows = Sequence[Sequence[str]]
 """A table; its first row is the head."""
@@ -36,8 +36,8 @@ def counted(number: int, noun: str) -> str:
 
 
 def to_error(value: float, error: float) -> str:
-    """A value without its error, to the digits that the error reaches: two of an error up to 35 in its first two, else
-    one (the rule of the Particle Data Group); ``–`` where it is not known.
+    """A value without its error, rounded by the rule of the Particle Data Group: to two digits of the error where its
+    first two digits are 35 or less, else to one. ``–`` where the value is not known.
     """
     if not math.isfinite(value):
         return "–"
@@ -57,9 +57,9 @@ def with_error(value: float, stderr: float) -> str:
 
 
 def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
-    """Rows of text in columns, those of words ``left``, those of numbers right; the first row is underlined.
+    """Rows of text in aligned columns, ``left`` ones to the left, others to the right; the first row is underlined.
 
-    A cell may have several lines; those of the first row stand on the line below it.
+    A cell may have several lines; those of the first row are aligned at the bottom.
     """
     deep = max(cell.count("\n") + 1 for cell in rows[0])
     rows = [*_lines([("\n" * (deep - 1 - cell.count("\n"))) + cell for cell in rows[0]]), *_all_lines(rows[1:])]
@@ -85,7 +85,7 @@ def _all_lines(rows: Rows) -> list[list[str]]:
 
 
 def wrapped(rows: Rows, width: int = terminal.WIDTH) -> list[list[str]]:
-    """The same rows, the last column broken into lines so that the table is no wider than that."""
+    """The same rows, the last column wrapped so that the table is no wider than ``width``."""
     taken = sum(max(map(len, column)) + 2 for column in zip(*(row[:-1] for row in rows), strict=True))
     found = []
     for row in rows:
@@ -95,7 +95,7 @@ def wrapped(rows: Rows, width: int = terminal.WIDTH) -> list[list[str]]:
 
 
 def html_table(rows: Rows) -> str:
-    """The same for a notebook."""
+    """The table for a notebook."""
     head, *body = ("".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) for tag, row in _tagged(rows))
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(f'<tr>{row}</tr>' for row in body)}</tbody></table>"
 

@@ -1,4 +1,4 @@
-"""How precisely a fit knows its unknowns, and what it predicts."""
+"""Standard errors of a fit's unknowns, and their propagation to predictions."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_model.physics.arrays import Array
 
 DETERMINED = 1e-12
-"""Least curvature of the deviance along an unknown that the data determine."""
+"""Least curvature of the deviance along an unknown for it to count as determined by the data."""
 
 
 def standard_errors(jacobian: Array) -> tuple[Array, Array]:
@@ -26,18 +26,16 @@ def covariance_of(normal: Array) -> Array:
 
 
 def propagated(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> Array:
-    """Standard deviation of ``predict(unknowns (n,))`` for unknowns of this covariance ``(n, n)``.
-
-    The root of the squares of ``deviations`` summed.
-    """
-    return np.asarray(np.sqrt(sum((one**2 for one in deviations(predict, unknowns, covariance)), np.zeros(()))))
+    """Standard deviation of ``predict(unknowns (n,))`` for unknowns of this covariance ``(n, n)``: the root sum of
+    squares of ``deviations``."""
+    return np.asarray(np.sqrt(sum((change**2 for change in deviations(predict, unknowns, covariance)), np.zeros(()))))
 
 
 def deviations(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> list[Array]:
-    """What one standard deviation along each principal axis of the covariance changes in the prediction.
+    """Change of the prediction for one standard deviation along each principal axis of the covariance.
 
-    (y_i+ - y_i-)/2, predicted to either side: beside a switch, where a derivative would show nothing, this shows the
-    switch. Axes without any variance are left out.
+    (y_i+ - y_i-)/2, from predictions to either side: unlike a derivative, it shows a switch within one standard
+    deviation. Axes without variance are left out.
     """
     variance, axes = np.linalg.eigh(covariance)
     sides = [

@@ -1,4 +1,4 @@
-"""Which effects there are: those of the project, those of installed packages, a user's file, a formula."""
+"""All available effects: the project's, those of installed packages, of a user's file, and formulas."""
 
 import importlib.util
 import re
@@ -13,7 +13,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, named_twice
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.formula import formula_effect
@@ -23,16 +23,16 @@ from sandbot_model.physics.walking import Inputs, Walker
 GROUP = "sandbot_model.effects"
 """Entry-point group: each entry names an Effect subclass."""
 ARRAYS = "quantities and parameters are arrays, of all conditions at once: np.where and np.exp, not if, float and math"
-"""What is said where an effect takes one for a number."""
+"""Hint for an effect that treats an array as a number."""
 USER_MODULE = "sandbot_user_effects_"
-"""How the modules of users' files are named; no other process can import them."""
+"""Prefix of the module names of users' files; other processes cannot import them by name."""
 
 
 def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[str, Effect]:
     """All effects by identifier, in order. Raises InputError for a file or formula that is no effect."""
     effects = {effect.identifier: effect for effect in CATALOGUE}
     for entry in entry_points(group=GROUP):
-        _add(effects, [_made(_loaded(entry), f"entry point {entry.name}")], f"entry point {entry.name}")
+        _add(effects, [_instance(_loaded(entry), f"entry point {entry.name}")], f"entry point {entry.name}")
     for path in files:
         _add(effects, effects_in(path), str(path))
     for text in formulas:
@@ -41,11 +41,11 @@ def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[
 
 
 def _loaded(entry: EntryPoint) -> Any:
-    """What a plug-in names. Raises InputError for one that can't be imported, whatever the reason."""
+    """The object that a plug-in's entry point names. Raises InputError if it can't be imported for any reason."""
     try:
         return entry.load()
     except Exception as error:
-        raise InputError(f"entry point {entry.name}: can't be loaded: {_in_a_line(error)}") from error
+        raise InputError(f"entry point {entry.name}: can't be loaded: {_one_line(error)}") from error
 
 
 def effects_in(path: Path) -> list[Effect]:
@@ -56,32 +56,32 @@ def effects_in(path: Path) -> list[Effect]:
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: not a Python file")
     module = importlib.util.module_from_spec(spec)
-    # Workers find its classes by name.
+    # Worker processes find its classes by this name.
     sys.modules[spec.name] = module
     # Files written for 0.1 import from sandbot_model.chain.
     sys.modules.setdefault("sandbot_model.chain", effect_module)
-    # The folder is the user's: no __pycache__ is left in it.
+    # Leave no __pycache__ in the user's folder.
     usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise InputError(f"{path}: {_in_a_line(error)}") from error
+        raise InputError(f"{path}: {_one_line(error)}") from error
     finally:
         sys.dont_write_bytecode = usual
     classes = [cls for cls in vars(module).values() if isinstance(cls, type) and cls.__module__ == module.__name__]
-    found = [_made(cls, str(path)) for cls in classes if issubclass(cls, Effect)]
+    found = [_instance(cls, str(path)) for cls in classes if issubclass(cls, Effect)]
     if not found:
         raise InputError(f"{path}: no subclass of sandbot_model.Effect in it")
     return found
 
 
 def _module_name(path: Path) -> str:
-    """A name of the file's own: workers find its classes by it, and other folders may have files of its name."""
+    """A unique module name: workers find its classes by it, and other folders may have files of the same name."""
     stem, folder = re.sub(r"\W", "_", path.stem), zlib.crc32(str(path.resolve()).encode())
     return f"{USER_MODULE}{stem}_{folder:08x}"
 
 
-def _made(cls: object, where: str) -> Effect:
+def _instance(cls: object, where: str) -> Effect:
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
         raise InputError(f"{where}: {cls!r} is not a subclass of sandbot_model.Effect")
     for name in ("identifier", "stage", "formula", "source", "seen_in"):
@@ -94,7 +94,7 @@ def _made(cls: object, where: str) -> Effect:
     try:
         effect = cls()
     except Exception as error:
-        raise InputError(f"{where}: {cls.__name__}: {_in_a_line(error)}") from error
+        raise InputError(f"{where}: {cls.__name__}: {_one_line(error)}") from error
     _check_parameters(effect, where)
     _try(effect, where)
     return effect
@@ -111,16 +111,16 @@ def _check_parameters(effect: Effect, where: str) -> None:
             raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
         if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
-    if twice := named_twice(effect.parameters):
-        raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is there twice")
+    if twice := duplicate_name(effect.parameters):
+        raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is declared twice")
     if not (isinstance(effect.replaces, tuple) and set(effect.replaces) <= set(REPLACEABLE)):
         can = ", ".join(map(repr, REPLACEABLE))
         raise InputError(f"{where}: {type(effect).__name__}: replaces is {effect.replaces!r}, it may be () or ({can},)")
 
 
 def _try(effect: Effect, where: str) -> None:
-    """Run it, so that a slip shows before any fit."""
-    said = f"{where}: {type(effect).__name__}.apply"
+    """Run the effect, so that mistakes show before any fit."""
+    place = f"{where}: {type(effect).__name__}.apply"
     values = {parameter.name: np.asarray(parameter.start, dtype=float) for parameter in effect.parameters}
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
     try:
@@ -128,17 +128,17 @@ def _try(effect: Effect, where: str) -> None:
             acts = changes_something(effect)
             walker.predict(inputs, [values])
             filled = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
-            sound = all(np.isfinite(part).all() for part in (filled.margin, filled.speed, filled.peak_ratio))
+            finite = all(np.isfinite(part).all() for part in (filled.margin, filled.speed, filled.peak_ratio))
     except Exception as error:
         more = f"; {ARRAYS}" if isinstance(error, TypeError | ValueError) else ""
-        raise InputError(f"{said}: {_in_a_line(error)}{more}") from error
-    if not sound:
-        raise InputError(f"{said}: gives no number where its parameters start")
+        raise InputError(f"{place}: {_one_line(error)}{more}") from error
+    if not finite:
+        raise InputError(f"{place}: gives no finite number at the start values of its parameters")
     if not acts:
-        raise InputError(f"{said}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
+        raise InputError(f"{place}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
 
 
-def _in_a_line(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 

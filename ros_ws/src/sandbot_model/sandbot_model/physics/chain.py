@@ -4,9 +4,9 @@
 
 Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it
 the ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays
-of shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An
-effect sees quantities, never another effect, so that any set of them composes. Step and speed are filled first: as
-functions of d they cost nothing, and what the feet meet depends on how far apart they fall.
+of shape ``(..., depths)``; each stage computes its own from the earlier ones, then the effects of that stage change
+them. An effect sees quantities, never another effect, so that effects can be combined freely. Step and speed are filled
+first: they are functions of d alone, and the ground that a foot meets depends on the distance from the one before.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
 
 NO_ANGLE = 1e-9
-"""Of a leg that stands at its lowest point only [rad]: it stands for a moment all the same."""
+"""Least stance angle [rad], so that a leg that stands at its lowest point only has a standing time above 0."""
 
 
 @dataclass(slots=True)
 class Chain:
-    """Quantities of the chain, SI units, broadcastable against ``depth`` ``(..., depths)``; no others can be set."""
+    """Quantities of the chain in SI units, broadcastable against ``depth (..., depths)``; no others can be set."""
 
     robot: Robot
     depth: Array = field(
@@ -58,25 +58,25 @@ class Chain:
     force: Array = field(
         init=False, metadata={"unit": "N", "doc": "ground force that grows with depth; effects scale it"}
     )
-    extra_force: Array = field(init=False, metadata={"unit": "N", "doc": "ground force beside it; effects add to it"})
+    extra_force: Array = field(init=False, metadata={"unit": "N", "doc": "further ground force; effects add to it"})
     leg_speed: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed of the body on its fixed leg, Rω"})
     delta_v: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed the ground has to give the body"})
     lift_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "share of Δv/Δt that is vertical"})
     mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to carry"})
-    added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to accelerate beside it"})
-    gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g across the bed"})
+    added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "further mass to accelerate, not to carry"})
+    gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g normal to the bed"})
     # speed (before strength as well)
     kept: Array = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
     peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
 
     @property
     def slow_from(self) -> Array:
-        """Angle before its lowest point at which a leg's slow phase begins [rad]."""
+        """Angle before the lowest point at which a leg's slow phase begins [rad]."""
         return angle_at(self.robot, self.slow_begin)
 
     @property
     def slow_until(self) -> Array:
-        """Angle beyond it at which the slow phase ends [rad]."""
+        """Angle after the lowest point at which the slow phase ends [rad]."""
         return angle_at(self.robot, self.slow_end)
 
     @property
@@ -86,7 +86,7 @@ class Chain:
 
     @property
     def standing_time(self) -> Array:
-        """How long it does [s], each phase of the gait at its own rate."""
+        """Duration of a stance [s], each phase of the gait at its own rate."""
         angle = np.maximum(self.stance, NO_ANGLE)
         slow = np.minimum(angle, self.slow_from) + np.minimum(angle, self.slow_until)
         time: Array = slow / (self.slow_phase_ratio * self.omega) + (2 * angle - slow) / (self.swing_ratio * self.omega)
@@ -94,8 +94,8 @@ class Chain:
 
     @property
     def longest_step(self) -> Array:
-        """Step [m] that takes half a period: the next leg takes hold where both are equally far from straight below,
-        for there it is as deep in the ground as the one that stands.
+        """Step [m] that takes half a period: then the next leg takes hold, since both legs are at the same angle from
+        straight below and equally deep in the ground.
         """
         slow, swing, half = self.slow_phase_ratio, self.swing_ratio, np.pi
         near, far = self.slow_reach, np.maximum(self.slow_from, self.slow_until)
@@ -107,8 +107,8 @@ class Chain:
 
     @property
     def time_left(self) -> Array:
-        """Time from the end of a stance to the next leg's [s]; in the first step, to its end: there the leg sets out as
-        its slow phase begins, and does not stand before it has come to where it does.
+        """Time from the end of a stance to the next leg's stance [s]; in the first step, to the end of that step, which
+        starts with the leg at the beginning of its slow phase, maybe before its stance.
         """
         if not self.first_step:
             return np.maximum(np.pi / self.omega - self.standing_time, 0.0)
@@ -118,13 +118,13 @@ class Chain:
 
     @property
     def slow_reach(self) -> Array:
-        """Angle within which, to both sides, legs turn in their slow phase [rad]."""
+        """Angle to both sides of the lowest point within which legs are in their slow phase [rad]."""
         return np.minimum(self.slow_from, self.slow_until)
 
     @property
     def stands_slowly(self) -> Bool:
-        """Whether a usual stance lies within the slow phase: one that reaches beyond half a long stance to each side.
-        The peak of v_x(t) is then of that phase, else of the fast one.
+        """Whether a usual stance lies within the slow phase, taken to be so if that reaches beyond half a long stance
+        to each side. The peak of v_x(t) is then in the slow phase, else in the fast one.
         """
         slowly: Bool = self.slow_reach > STANCE_END / 2
         return slowly
@@ -156,22 +156,22 @@ class Chain:
 
     @property
     def margin(self) -> Array:
-        """Force given minus force needed [N]; the leg stops sinking where it first is not negative."""
+        """Force of the ground minus load [N]; the leg stops sinking at the least depth where it is not negative."""
         return self.force + self.extra_force - self.load
 
     def creep(self, grip: Array) -> None:
-        """The leg creeps while it stands: step and peak of v_x(t) fall to the share ``grip``."""
+        """Let the leg creep while it stands: step and peak of v_x(t) are multiplied by ``grip``."""
         self.step, self.peak_ratio = self.step * grip, self.peak_ratio * grip
 
 
 def disturbed_share(chain: Chain, reach: Array | float) -> Array:
-    """How far, 0 to 1, a leg lands in what the step before has disturbed: all of it 0.1 R within ``reach`` R."""
+    """Share, 0 to 1, of a leg in ground disturbed by the last step: 0 at an advance of ``reach`` R, 1 at 0.1 R less."""
     radius = chain.robot.leg_radius_m
     share: Array = np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
     return share
 
 
 def horizontal_force(chain: Chain) -> Array:
-    """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm."""
+    """F_x = 1.5 α_x w d² [N], the ground's force on a leg along the track: about 4 N at 3.9 cm."""
     force: Array = np.maximum(1.5 * HORIZONTAL_STRENGTH * chain.robot.leg_width_m * chain.depth**2, 1e-6)
     return force

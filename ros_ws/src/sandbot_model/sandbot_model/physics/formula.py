@@ -1,14 +1,14 @@
 """An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
-another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` does as well as
-``=``). ``*=``, ``/=``, ``+=`` and ``-=`` change what is there, also several quantities alike:
-``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``. What follows changes more, in turn:
+another one that is named: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` means the
+same as ``=``). ``*=``, ``/=``, ``+=`` and ``-=`` change the present value, also of several quantities at once:
+``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``. Further statements are applied in turn:
 ``"slip: step: s *= 1 - a; peak *= 1 - a/2; a [1] in 0..1"``.
 
 Names are the symbols that the catalogue shows (see ``symbols``: quantities of the chain, the robot's R, h, w, m, g, …),
 the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others), K(phi), and functions; a parameter
-hides a symbol that is not a name of the chain. asteval evaluates it: no attribute access, no import, no files.
+hides a symbol that is not a name of the chain. asteval evaluates the expression: no attributes, imports or files.
 """
 
 import ast
@@ -25,7 +25,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, settable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
@@ -39,9 +39,9 @@ FUNCTIONS = {
     **dict.fromkeys(("arctan2", "minimum", "maximum", "hypot"), 2),
     **dict.fromkeys(("clip", "where"), 3),
 }
-"""numpy functions an expression may use, and how many values each takes: one more would be where it writes to."""
+"""numpy functions an expression may use, and their numbers of arguments: one more would be numpy's ``out``."""
 SHORT = {"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-"""As the catalogue writes some of them."""
+"""Shorter names of some of them, used by the catalogue."""
 _AS_TYPED = str.maketrans({"^": "**", "−": "-", "·": "*", "×": "*", "²": "**2", "³": "**3"})
 
 GIVEN = "given on the command line"
@@ -50,15 +50,15 @@ FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
 _ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*/+-]?)=(?!=)|->|→)\s*(.*)")
-ANOTHER_AT_FIRST = {"first", "t_left"}
-"""What has another value in the first step."""
+DIFFERS_AT_FIRST = {"first", "t_left"}
+"""Names with another value in the first step."""
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
     "*": np.multiply,
     "/": np.divide,
     "+": np.add,
     "-": np.subtract,
-    "": lambda old, new: _as_large(old, new),
+    "": lambda old, new: _broadcast_like(old, new),
 }
 _TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
 _PARSING = threading.Lock()
@@ -69,9 +69,9 @@ _PLAIN = (
 
 
 def formula_effect(text: str, *, tried: bool = False) -> Effect:
-    """The effect a line of text describes. Raises InputError where it is not of the form above.
+    """The effect that a line of text describes. Raises InputError where it is not of the form above.
 
-    It is run once, so that a slip shows before any fit, unless it was ``tried`` before.
+    It is run once, so that mistakes show before any fit, unless it was ``tried`` before.
     """
     head, *declared = text.split(";")
     parts = head.split(":", 2)
@@ -84,14 +84,14 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
         raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
     more = [part.strip() for part in declared if _ASSIGNMENT.fullmatch(part)]
     parameters = tuple(_parameter(part, text) for part in declared if part.strip() and part.strip() not in more)
-    if twice := named_twice(parameters):
+    if twice := duplicate_name(parameters):
         raise InputError(f"--effect {text!r}: parameter {twice!r} is declared twice")
-    effect = _Formula(name, stage, tuple(_sets(part, stage, text) for part in (body, *more)), parameters)
+    effect = _Formula(name, stage, tuple(_assignment(part, stage, text) for part in (body, *more)), parameters)
     return effect if tried else _checked(effect, text)
 
 
-class _Sets(NamedTuple):
-    """Quantities, how they change (``*``, ``+``, or nothing where they are replaced), by what, and what that names."""
+class _Assignment(NamedTuple):
+    """One statement: its quantities, operator (``*``, ...; empty for ``=``), expression, and the names in it."""
 
     quantities: tuple[str, ...]
     how: str
@@ -101,16 +101,16 @@ class _Sets(NamedTuple):
 
     def __str__(self) -> str:
         changed = "{0} -> {0} {1} ({2})" if self.how else "{0} -> {2}"
-        return ", ".join(changed.format(one, self.how, self.expression) for one in self.quantities)
+        return ", ".join(changed.format(name, self.how, self.expression) for name in self.quantities)
 
 
-def _sets(part: str, stage: str, text: str) -> _Sets:
+def _assignment(part: str, stage: str, text: str) -> _Assignment:
     assigned = _ASSIGNMENT.fullmatch(part)
     targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", part)
     expression = expression.translate(_AS_TYPED)
     parsed = _parsed(expression, text)
     names = frozenset(node.id for node in ast.walk(parsed) if isinstance(node, ast.Name))
-    return _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, parsed, names)
+    return _Assignment(tuple(name.strip() for name in targets.split(",")), how, expression, parsed, names)
 
 
 class _Formula(Effect):
@@ -119,19 +119,19 @@ class _Formula(Effect):
     source = GIVEN
     seen_in = "-"
 
-    def __init__(self, name: str, stage: str, sets: tuple[_Sets, ...], parameters: tuple[Parameter, ...]) -> None:
+    def __init__(self, name: str, stage: str, sets: tuple[_Assignment, ...], parameters: tuple[Parameter, ...]) -> None:
         self.identifier, self.stage, self.sets, self.parameters = name, stage, sets, parameters
         self.formula = "; ".join(map(str, sets))
-        self.names = frozenset[str]().union(*(one.names for one in sets))
-        self.quantities = tuple(quantity for one in sets for quantity in one.quantities)
-        self.first_step_differs = not ANOTHER_AT_FIRST.isdisjoint(self.names)
+        self.names = frozenset[str]().union(*(statement.names for statement in sets))
+        self.quantities = tuple(quantity for statement in sets for quantity in statement.quantities)
+        self.first_step_differs = not DIFFERS_AT_FIRST.isdisjoint(self.names)
         self.readable = readable(stage)
         self.along_the_track = "sigma_phi" in map(self.readable.get, self.quantities)
-        # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
+        # An interpreter has one table of values, and the explorer fits in several threads.
         self._each_thread = threading.local()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A worker makes its own interpreters.
+        # A worker process makes its own interpreters.
         return _Formula, (self.identifier, self.stage, self.sets, self.parameters)
 
     def apply(self, chain: Chain, p: Values) -> None:
@@ -142,7 +142,7 @@ class _Formula(Effect):
                 meant = self.readable[name]
                 put(chain, meant, _CHANGES[sets.how](get(chain, meant), np.multiply(value, 1.0)))
 
-    def _value(self, sets: _Sets, chain: Chain, p: Values) -> Any:
+    def _value(self, sets: _Assignment, chain: Chain, p: Values) -> Any:
         interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
         if interpreter is None:
             interpreter = self._each_thread.interpreter = _interpreter()
@@ -157,7 +157,7 @@ class _Formula(Effect):
         )
         interpreter.error, interpreter.error_msg = [], None
         try:
-            # At depth 0, as in d_r/d: what is no number there is seen in the result.
+            # Division by 0, as of d_r/d at depth 0, shows in the result.
             with np.errstate(all="ignore"):
                 value = interpreter.run(sets.parsed, expr=sets.expression)
         except Exception as error:
@@ -174,8 +174,8 @@ class _Formula(Effect):
         return value
 
 
-def _as_large(old: Array, new: Array) -> Array:
-    """``new`` in place of ``old``: a number stands for every depth and condition. On a tape it does so by itself."""
+def _broadcast_like(old: Array, new: Array) -> Array:
+    """``new`` in place of ``old``, broadcast to its shape, as a number is; recorded quantities have no shape."""
     if not isinstance(old, np.ndarray):
         return new
     shape = np.broadcast_shapes(old.shape, np.shape(new))
@@ -183,7 +183,7 @@ def _as_large(old: Array, new: Array) -> Array:
 
 
 def _pass_on_interrupt(error: BaseException | None) -> None:
-    """Ctrl-C, of which asteval makes an error of its own, stays Ctrl-C."""
+    """Raise KeyboardInterrupt for Ctrl-C, which asteval turns into an error of its own."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt
@@ -191,7 +191,7 @@ def _pass_on_interrupt(error: BaseException | None) -> None:
 
 
 def _interpreter() -> asteval.Interpreter:
-    """One that knows the functions below and nothing else: no files, no imports, no loops."""
+    """An interpreter with the functions above and nothing else: no files, no imports, no loops."""
     interpreter = asteval.Interpreter(minimal=True, use_numpy=False)
     for name in list(interpreter.symtable):
         del interpreter.symtable[name]
@@ -213,12 +213,12 @@ def _parameter(text: str, whole: str) -> Parameter:
 
 
 def _parsed(expression: str, text: str) -> ast.Expr:
-    """The expression as a tree, read once and in one thread at a time: Python 3.11 counts the depth of all threads'
-    trees in one place and raises SystemError where a second one begins within the first (CPython issue 106905).
+    """The expression as a tree, parsed in one thread at a time: Python 3.11 counts the depth of all threads' trees
+    together and raises SystemError where a second one begins within the first (CPython issue 106905).
     """
     try:
         with _PARSING:
-            parsed = ast.Expr(_WithNumbers().visit(ast.parse(expression, mode="eval").body))
+            parsed = ast.Expr(_ComparisonsAsNumbers().visit(ast.parse(expression, mode="eval").body))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
         at = expression[max((getattr(error, "offset", None) or 0) - 1, 0) :].strip()
@@ -232,16 +232,16 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     return parsed
 
 
-class _WithNumbers(ast.NodeTransformer):
-    """Makes a comparison, or several joined by &, | and ~, the number 1 or 0: numpy would add truth values as "or".
+class _ComparisonsAsNumbers(ast.NodeTransformer):
+    """Makes a comparison, or several joined by &, | and ~, the number 1 or 0: numpy would add booleans as "or".
 
-    What a whole expression says remains a truth value: ``k == 3`` is no formula.
+    The value of a whole expression stays boolean: ``k == 3`` is no formula.
     """
 
     joined = True
 
     def visit(self, node: Any) -> Any:
-        """The node, within what is joined as it is."""
+        """The node multiplied by 1.0 if it is a comparison, except within joined ones."""
         joins = isinstance(getattr(node, "op", None), ast.BitAnd | ast.BitOr | ast.Invert)
         within, self.joined = self.joined, joins
         self.generic_visit(node)
@@ -261,14 +261,14 @@ def _check_call(call: ast.Call, text: str) -> None:
 
 
 def _plain(part: ast.AST) -> bool:
-    """Whether a part of an expression is one of arithmetic; asteval knows more, which no formula needs."""
+    """Whether a part of an expression is arithmetic; asteval allows more, which no formula needs."""
     if isinstance(part, ast.Constant):
         return isinstance(part.value, int | float)
     return isinstance(part, _PLAIN)
 
 
 def _checked(effect: _Formula, text: str) -> Effect:
-    """The same, run once. Raises InputError for what it can't name, set or give a number of."""
+    """The effect, run once. Raises InputError for unknown names, names that can't be set, or no finite result."""
     for name in effect.quantities:
         if name not in effect.readable:
             raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")
@@ -292,10 +292,10 @@ def _checked(effect: _Formula, text: str) -> Effect:
 
 
 def _hint(name: str, effect: _Formula) -> str:
-    """What a name that is not there may have meant."""
+    """A suggestion for an unknown name."""
     if (stage := stage_of(name)) and name not in effect.readable:
         return f": it exists from stage {stage} on"
     own = [parameter.name for parameter in effect.parameters]
     close = near(name, [*own, *effect.readable, *CONSTANTS, *_ALWAYS])
     meant = f", did you mean {close!r}?" if close else ""
-    return f"{meant} (effects --quantities lists what is; a parameter is declared: '; {name} [1] in 0..1')"
+    return f"{meant} (effects --quantities lists the known ones; a parameter is declared: '; {name} [1] in 0..1')"

@@ -1,4 +1,4 @@
-"""What the model needs to know of a gait: how fast the leg turns while it stands (physics §1, Li09 clock signal)."""
+"""Gaits: how fast a leg turns in each phase of the clock signal (physics §1; Li09)."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -12,19 +12,20 @@ from sandbot_model.physics.arrays import Array, Bool
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
 """θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one contains them: CUSTOM(θ_s θ_0 d_c)."""
 ASSUMED = "SGCS"
-"""The gait that trials are taken to have whose table does not tell."""
+"""The gait assumed for trials whose table does not give one."""
 STANCE_END = 0.75
 """Leg angle [rad] at which a long stance ends, asin(s/2R)."""
 USUAL_FRAME_RATE_HZ = 100.0
-"""Frames a second where the data do not tell (Li09)."""
+"""Frames per second where the data do not give them (Li09)."""
 SEEN_RAD = 0.1
-"""So far a leg turns at the swing's rate before all of that is seen in v_x(t)."""
+"""Angle through which a leg must turn at the swing rate before v_x(t) shows all of it."""
 FRAMES_OF_A_PEAK = 2.5
+"""Frames that the fast part of a stance must last for its peak to be seen."""
 _CUSTOM = re.compile(r"CUSTOM\((\S+) (\S+) (\S+)\)")
 
 
 def clock_signal(gait: str) -> tuple[float, float, float] | None:
-    """θ_s, θ_0 [rad] and d_c of a gait by its name; None where the name does not tell."""
+    """θ_s, θ_0 [rad] and d_c of a gait by its name; None where the name does not determine them."""
     custom = _CUSTOM.fullmatch(gait)
     if custom is None:
         return GAITS.get(gait)
@@ -37,14 +38,14 @@ def clock_signal(gait: str) -> tuple[float, float, float] | None:
 
 
 def assumption(gaits: Iterable[str]) -> str:
-    """What is assumed of gaits whose name does not tell their clock signal; empty where all do."""
+    """In words, what is assumed of gaits whose name does not determine the clock signal; empty if of none."""
     unknown = sorted({repr(gait) if gait else "not given" for gait in gaits if clock_signal(gait) is None})
     return f"gait {', '.join(unknown)}: the clock signal of {ASSUMED} is assumed" if unknown else ""
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """How legs turn, of arrays of one shape."""
+    """How legs turn; arrays of one shape."""
 
     slow_ratio: Array
     """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
@@ -57,11 +58,11 @@ class Clock:
 
     @property
     def one_rate(self) -> Bool:
-        """Whether legs turn at one rate, without phases."""
+        """Whether legs turn at a constant rate, without phases."""
         return np.asarray(self.slow_ratio == self.swing_ratio)
 
     def __getitem__(self, index: Any) -> "Clock":
-        """The same of some of the elements, as an array is indexed."""
+        """Some of the elements, indexed as an array is."""
         return Clock(*(values[index] for values in astuple(self)))
 
 
@@ -70,7 +71,7 @@ EVEN = Clock(np.ones(()), np.ones(()), np.full((), -np.pi / 2), np.full((), np.p
 
 
 def clock(gaits: Sequence[str]) -> Clock:
-    """How legs turn in gaits by their names, ``(n,)``; as in the assumed gait where the name does not tell."""
+    """How legs turn in gaits by their names, ``(n,)``; as in the ``ASSUMED`` gait where a name is unknown."""
     theta_s, theta_0, duty = np.array([clock_signal(gait) or GAITS[ASSUMED] for gait in gaits]).T
     turn = 2 * np.pi
     slow, swing = theta_s / (turn * duty), (turn - theta_s) / (turn * (1 - duty))
@@ -87,14 +88,14 @@ def duty(slow_ratio: Array, swing_ratio: Array) -> Array:
 def first_step_rad(slow_ratio: Array, swing_ratio: Array, slow_from_rad: Array) -> Array:
     """How long a first step lasts, ωt [rad]: until the mean angle of both tripods is a multiple of π.
 
-    One tripod sets out as its slow phase begins, ``slow_from_rad`` before its lowest point, the other is half a period
-    behind. In half a period their mean turns by π; from where it begins it has a little more or less to go than that.
+    One tripod starts at the beginning of its slow phase, ``slow_from_rad`` before its lowest point, the other is half
+    a period behind. Their mean turns by π in half a period; to a multiple of π it has slightly more or less to go.
     """
     slow_share = duty(slow_ratio, swing_ratio)
     fast_half = np.minimum(2 * np.pi * (1 - slow_share), np.pi)
     begins_at = -(slow_from_rad + (fast_half * swing_ratio + (np.pi - fast_half) * slow_ratio) / 2)
     to_go = np.pi * np.floor(begins_at / np.pi + 0.5) - begins_at
-    # After half a period one is in its slow phase, and the other as well if that is the longer one; before it, in none.
+    # Mean rate of the two right after and right before half a period; ``long``: the slow phase is the longer one.
     one_each = (slow_ratio + swing_ratio) / 2
     long = slow_share >= 0.5
     late, early = np.where(long, slow_ratio, one_each), np.where(long, one_each, swing_ratio)
@@ -108,7 +109,7 @@ def slow_phase_ratio(gait: str) -> float:
 
 
 def fastest_phase_ratio(gait: str) -> float:
-    """Largest leg rate of a cycle over the mean rate: that of the slow or of the fast phase."""
+    """Largest leg rate of a cycle over the mean rate, in whichever phase it is."""
     turns = clock([gait])
     return float(max(turns.slow_ratio[0], turns.swing_ratio[0]))
 
@@ -116,12 +117,12 @@ def fastest_phase_ratio(gait: str) -> float:
 def peaks_resolved(
     turns: Clock, omega: Array, stance_rad: tuple[Array, Array], mount_rad: float, rate_hz: float
 ) -> Bool:
-    """Whether the cameras see the fastest part of a stance ``(n,)``, at ``rate_hz`` frames a second.
+    """Whether the cameras resolve the fastest part of a stance ``(n,)``, at ``rate_hz`` frames per second.
 
-    A stance that outlasts the slow phase has its peak in the fast one, which must last long enough to be seen: below
-    two frames the largest v_x(t) is the cameras' and not the robot's. One that lies within the slow phase has no such
-    part. ``stance_rad`` are the least and the largest angle from which, and to which, the leg may have stood, by the
-    lift measured; a peak of which they leave open which phase it is of is none to go by. NaN: as legs usually stand.
+    A stance that outlasts the slow phase has its peak speed in the fast one, which must last long enough to be seen:
+    within two frames the largest v_x(t) depends on the cameras and not on the robot. A stance within the slow phase has
+    no such part. ``stance_rad`` are the least and the greatest stance angle compatible with the lift measured; a peak
+    that may belong to either phase is not used. NaN: the usual stance is assumed.
     """
     slow_rad = np.minimum(-(turns.slow_begin_rad + mount_rad), turns.slow_end_rad + mount_rad)
     least, largest = (np.where(np.isfinite(angle), angle, STANCE_END) for angle in stance_rad)

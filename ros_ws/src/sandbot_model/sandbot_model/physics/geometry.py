@@ -12,17 +12,17 @@ def deepest_m(robot: Robot) -> float:
 
 
 def critical_k_n_per_m(robot: Robot) -> float:
-    """The stiffness that just carries the weight at the deepest depth, mg/(2R - h)."""
+    """The stiffness that just carries the weight at the greatest depth, mg/(2R - h)."""
     return robot.mass_per_leg_kg * robot.gravity_m_s2 / deepest_m(robot)
 
 
 def depth_at(robot: Robot, angle_rad: Array) -> Array:
-    """Depth [m] of a leg's lowest point at this angle of its centre (0: straight below), the belly on the surface."""
+    """Depth [m] of a leg's lowest point at this angle of its centre (0: straight below), belly on the surface."""
     return np.asarray(robot.leg_radius_m * (1 + np.cos(angle_rad)) - robot.axle_height_m)
 
 
 def angle_at(robot: Robot, depth: Array) -> Array:
-    """Angle [rad] of the leg's centre, 0 to π, at which it is that deep: what ``depth_at`` turns back."""
+    """Angle [rad] of the leg's centre, 0 to π, at which it is that deep: the inverse of ``depth_at``."""
     above: Array = (depth + robot.axle_height_m - robot.leg_radius_m) / robot.leg_radius_m
     return np.arccos(np.clip(above, -1.0, 1.0))
 
@@ -43,6 +43,6 @@ def step_from_lift(lift_m: Array, leg_radius_m: float) -> Array:
 
 
 def stance_angle(step_m: Array, leg_radius_m: float) -> Array:
-    """Largest leg angle while standing, asin(s/2R) [rad]: the leg turns from minus it to plus it in a step."""
+    """Largest leg angle while standing, α = asin(s/2R) [rad]: in a step the leg turns from -α to α."""
     angle: Array = np.arcsin(np.clip(step_m / (2 * leg_radius_m), 0.0, 1.0))
     return angle

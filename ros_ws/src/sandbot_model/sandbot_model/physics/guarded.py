@@ -1,7 +1,7 @@
-"""A user's effect, run so that it can write into nobody's arrays: what it is handed holds the trials' own values.
+"""Runs a user's effect so that it cannot write into the arrays it is given, some of which hold the trials' own values.
 
-``chain.k *= 2`` does what ``chain.k = chain.k * 2`` does, on arrays of any shape as on a tape; ``chain.k[...] = 2`` is
-an error of numpy's.
+``chain.k *= 2`` does what ``chain.k = chain.k * 2`` does, on arrays of any shape and on a tape; ``chain.k[...] = 2``
+raises numpy's error for read-only arrays.
 """
 
 from dataclasses import fields
@@ -17,7 +17,7 @@ NAMES = tuple(field.name for field in fields(Chain) if "unit" in field.metadata)
 
 
 class Replaced:
-    """``x *= y`` puts another x in the place of this one, as ``x = x * y`` does."""
+    """``x *= y`` makes a new object, as ``x = x * y`` does."""
 
     def _replaced(self, _other: Any) -> Any:
         return NotImplemented  # Python then takes the operator that makes a new one
@@ -26,13 +26,13 @@ class Replaced:
 
 
 class Quantity(Replaced, np.ndarray[Any, np.dtype[np.float64]]):
-    """An array that can't be written into."""
+    """A read-only array."""
 
 
 def apply(effect: Effect, chain: Chain, p: Values) -> None:
-    """Let an effect act; a user's is guarded, and what the chain then holds are plain arrays again."""
+    """Let an effect act; a user's is guarded, and the chain holds plain arrays again afterwards."""
     if type(effect).__module__.startswith(f"{__package__}."):
-        effect.apply(chain, p)  # of this package, which writes into no array; guarding it would take twice the time
+        effect.apply(chain, p)  # effects of this package write into no array, and guarding them would double the time
         return
     for name in _set(chain):
         setattr(chain, name, _quantity(getattr(chain, name)))
@@ -47,7 +47,7 @@ def _set(chain: Chain) -> list[str]:
 
 
 def _quantity(value: Any) -> Any:
-    """An array as a ``Quantity``; what is on a tape as it is."""
+    """An array as a ``Quantity``; a recorded quantity unchanged."""
     if not isinstance(value, np.ndarray | np.generic):
         return value
     view = np.asarray(value).view(Quantity)

@@ -1,7 +1,7 @@
-"""Executes a chain that was written down as a list of operations (see ``tape``); compiled once, for every chain.
+"""Executes a chain recorded as a list of operations (see ``tape``); compiled once, for all chains.
 
-A register holds one quantity at the points that are worked on at once, and every operation runs over all of them. In
-the search for a footing these are the depths tried; what does not depend on the row, cell or node of the fit is done
+A register holds one quantity at a block of points, and every operation runs over all of them. In the search for a
+footing the points are the depths of a grid; operations that do not depend on the row, cell or node of the fit are done
 once, outside the loop over it.
 """
 
@@ -20,7 +20,7 @@ BINARY = ("add", "subtract", "multiply", "divide", "minimum", "maximum", "power"
 COMPARISONS = ("less", "less_equal", "greater", "greater_equal", "equal", "not_equal")
 LOGICAL = ("logical_and", "logical_or", "logical_not")
 NUMBER = {name: at for at, name in enumerate((*UNARY, *BINARY, *COMPARISONS, *LOGICAL, "where", "interp", "curve"))}
-"""Numbers of the operations, which are named as numpy does."""
+"""Numbers of the operations, by numpy's names."""
 
 NEGATIVE, ABSOLUTE, SIGN, FLOOR, SQRT, EXP, LOG, LOG10, SIN, COS, TAN, ARCSIN, ARCCOS, ARCTAN, SINH, COSH, TANH = range(
     17
@@ -29,11 +29,11 @@ ADD, SUBTRACT, MULTIPLY, DIVIDE, MINIMUM, MAXIMUM, POWER, ARCTAN2, HYPOT = range
 LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, NOT_EQUAL, AND, OR, NOT, WHERE, INTERP, CURVE = range(26, 38)
 
 OF_ROW, OF_CELL, OF_NODE, OF_FEET = range(4)
-"""What an input depends on."""
-EACH, ONCE, SPREAD = range(3)
-"""Whether an operation is done at each point or, the same at all of them, once; and then put down at all of them."""
-AT_ONCE = 256
-"""Points worked on at once: their registers stay in the processor's cache."""
+"""What an input depends on (feet: depth and walking of a point)."""
+EACH, ONCE, BROADCAST = range(3)
+"""Whether an operation is done at each point, once for all, or once and then copied to all points."""
+BLOCK = 256
+"""Points of a block, so few that their registers stay in the processor's cache."""
 
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -109,7 +109,7 @@ def interpolated(x, xp, fp):
 
 @_compiled
 def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
-    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve."""
+    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve k(φ)."""
     for line in range(begin, end):
         operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
         points = n if code[line, 5] == EACH else 1
@@ -158,17 +158,17 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
         else:
             for i in range(points):
                 reg[out, i] = _of_two(operation, reg[a, i], reg[b, i])
-        if code[line, 5] == SPREAD:
+        if code[line, 5] == BROADCAST:
             for i in range(1, n):
                 reg[out, i] = reg[out, 0]
 
 
 @_compiled
 def _load(inputs, points, feet, row, which, reg):
-    """Put the inputs of some points of a row, numbered in the order of (cells, nodes), into their registers."""
+    """Load the inputs of points ``which`` of a row, numbered in the order of (cells, nodes), into their registers."""
     theta, conditions, its = points[0], points[1][:, row % points[1].shape[1]], points[2][row % len(points[2])]
     nodes = its.shape[1]
-    # A division costs more than most operations of a chain.
+    # Divided here, once: a division costs more than most operations of a chain.
     cell = which // nodes
     for at in range(len(inputs)):
         to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
@@ -199,15 +199,15 @@ def evaluate(program, points, feet):
 
     ``points`` are the inputs of the rows ``(rows, columns)``, those of the cells ``(columns, rows or 1, cells)``, k
     ``(rows or 1, cells or 1, nodes)``, and φ ``(levels,)`` and k ``(rows or 1, levels)`` of the fitted curve; ``feet
-    (columns, rows, cells * nodes)`` say where the legs are.
+    (columns, rows, cells * nodes)`` are depth and walking, steady and on virgin ground.
     """
     code, inputs, outputs, count, constants, tables = program
     rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
-    reg = _registers(count, AT_ONCE, constants)
+    reg = _registers(count, BLOCK, constants)
     found = np.empty((len(outputs), rows, each))
     for row in range(rows):
-        for first in range(0, each, AT_ONCE):
-            n = min(AT_ONCE, each - first)
+        for first in range(0, each, BLOCK):
+            n = min(BLOCK, each - first)
             _load(inputs, points, feet, row, np.arange(first, first + n), reg)
             _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
             for at in range(len(outputs)):
@@ -219,17 +219,17 @@ def evaluate(program, points, feet):
 def evaluate_moved(program, moved, points, feet, rows):
     """The outputs of a program at points in blocks of ``rows`` rows ``(outputs, blocks * rows, cells * nodes)``.
 
-    The last block is the points themselves; in each before it some inputs are moved, and only what follows from these
-    is done again (see ``tape.Moved``).
+    In the last block nothing is moved; in each one before it some inputs are, and only what depends on these is
+    repeated (see ``tape.Moved``).
     """
     code, inputs, outputs, count, constants, tables = program
     lines, its_lines, own, its_own, results = moved
     each, phi, curve = points[1].shape[2] * points[2].shape[2], points[3], points[4]
-    reg, blocks = _registers(2 * count, AT_ONCE, constants), len(results)
+    reg, blocks = _registers(2 * count, BLOCK, constants), len(results)
     found = np.empty((len(outputs), (blocks + 1) * rows, each))
     for row in range(rows):
-        for first in range(0, each, AT_ONCE):
-            n = min(AT_ONCE, each - first)
+        for first in range(0, each, BLOCK):
+            n = min(BLOCK, each - first)
             which, here = np.arange(first, first + n), blocks * rows + row
             _load(inputs, points, feet, here, which, reg)
             _run(code, 0, len(code), reg, n, tables, phi, curve[here % len(curve)])
@@ -245,8 +245,8 @@ def evaluate_moved(program, moved, points, feet, rows):
 
 
 @_compiled
-def _put(inputs, kind, values, reg):
-    """Put the inputs of a kind into their registers, the same at all points."""
+def _load_kind(inputs, kind, values, reg):
+    """Load the inputs of one kind into their registers, the same at all points."""
     for at in range(len(inputs)):
         if inputs[at, 1] == kind:
             reg[inputs[at, 0]] = values[inputs[at, 2]]
@@ -254,11 +254,10 @@ def _put(inputs, kind, values, reg):
 
 @_compiled
 def _margins(program, moved, points, depth, pairs, depths, rows):
-    """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them ``(blocks, pairs, 2, n)``; ``pairs`` are
-    their rows, cells, and the lower nodes. ``depth`` is the register of the depth.
+    """The margin at ``depths (pairs, 2, n)`` of both nodes of each pair ``(blocks, pairs, 2, n)``; ``pairs`` are rows,
+    cells and softer nodes. ``depth`` is the register of the depth.
 
-    The last block are the last ``rows`` rows of the points; in each before it, at the first ones, some inputs are moved
-    (see ``evaluate_moved``).
+    Blocks of ``rows`` rows as in ``evaluate_moved``: in the last one nothing is moved.
     """
     code, inputs, outputs, count, constants, tables = program
     lines, its_lines, own, its_own, results = moved
@@ -272,12 +271,12 @@ def _margins(program, moved, points, depth, pairs, depths, rows):
         for block in range(-1, blocks):
             at = row[i] + (last if block < 0 else block * rows)
             these = inputs if block < 0 else own[its_own[block] : its_own[block + 1]]
-            _put(these, OF_ROW, theta[at], reg)
+            _load_kind(these, OF_ROW, theta[at], reg)
             if block < 0:
-                _put(these, OF_CELL, conditions[:, at % conditions.shape[1], cell[i]], reg)
+                _load_kind(these, OF_CELL, conditions[:, at % conditions.shape[1], cell[i]], reg)
             for node in range(2):
                 its = k[at % k.shape[0], cell[i] % k.shape[1], below[i] + node :]
-                _put(these, OF_NODE, its, reg[:, node * n : (node + 1) * n])
+                _load_kind(these, OF_NODE, its, reg[:, node * n : (node + 1) * n])
             if block < 0:
                 _run(code, 0, len(code), reg, 2 * n, tables, phi, curve[at % len(curve)])
             else:
@@ -289,8 +288,8 @@ def _margins(program, moved, points, depth, pairs, depths, rows):
 
 @_compiled
 def _margins_on(scan, levels, points, depth, pairs, grid):
-    """The same at the depths of a ``grid``, by a program sorted as ``footing`` has it: what pairs, in the order of rows
-    and cells, have in common is done once."""
+    """The same at the depths of a ``grid``, by a program sorted as in ``footing``: what consecutive pairs, ordered by
+    row and cell, have in common is done once."""
     code, inputs, outputs, count, constants, tables = scan
     row, cell, below = pairs
     theta, conditions, k, phi, curve = points
@@ -302,13 +301,13 @@ def _margins_on(scan, levels, points, depth, pairs, grid):
         own, its = curve[row[i] % len(curve)], k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         other_row = i == 0 or row[i] != row[i - 1]
         if other_row:
-            _put(inputs, OF_ROW, theta[row[i]], reg)
+            _load_kind(inputs, OF_ROW, theta[row[i]], reg)
             _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         if other_row or cell[i] != cell[i - 1]:
-            _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
+            _load_kind(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
             _run(code, levels[1], levels[2], reg, n, tables, phi, own)
         for node in range(2):
-            _put(inputs, OF_NODE, its[below[i] + node :], reg)
+            _load_kind(inputs, OF_NODE, its[below[i] + node :], reg)
             _run(code, levels[2], len(code), reg, n, tables, phi, own)
             found[i, node] = reg[outputs[0]]
     return found
@@ -316,8 +315,9 @@ def _margins_on(scan, levels, points, depth, pairs, grid):
 
 @_compiled
 def switches(scan, levels, plain, unmoved, points, depth, pairs, stands, grid, window):
-    """Of ``pairs`` of nodes (their rows, cells, the softer nodes) those between which legs jump; see ``tops`` and
-    ``suffices``. Also the depths looked at. Programs as in ``footing``; ``depth`` is the register of the depth."""
+    """Those of ``pairs`` of nodes (rows, cells, softer nodes) between which legs jump, the depths about the maxima of
+    their margins, and where between the nodes k becomes sufficient; see ``tops`` and ``suffices``. Programs as in
+    ``footing``; ``depth`` is the register of the depth."""
     row, cell, below = pairs
     top, jumps = tops(_margins_on(scan, levels, points, depth, pairs, grid), grid, stands)
     some = np.nonzero(jumps)[0]
@@ -327,7 +327,7 @@ def switches(scan, levels, plain, unmoved, points, depth, pairs, stands, grid, w
 
 @_compiled
 def places(program, moved, points, depth, pairs, depths, rows):
-    """Where k begins to suffice between the same pairs in each block of so many rows ``(blocks, pairs)``."""
+    """Where k becomes sufficient between given pairs, in each block of ``rows`` rows ``(blocks, pairs)``."""
     margins = _margins(program, moved, points, depth, pairs, depths, rows)
     found = np.empty(margins.shape[:2])
     for block in range(len(found)):
@@ -337,7 +337,7 @@ def places(program, moved, points, depth, pairs, depths, rows):
 
 @_compiled
 def about(top, grid, window):
-    """Depths about places on a grid ``(pairs, 2)``, a ``window`` of them in steps of the grid."""
+    """Depths at the offsets ``window`` (in grid steps) about grid indices ``top (pairs, 2)``, interpolated."""
     found, last = np.empty((*top.shape, len(window))), len(grid) - 1
     for i in range(len(top)):
         for node in range(2):
@@ -350,9 +350,9 @@ def about(top, grid, window):
 
 @_compiled
 def tops(margins, depths, stands):
-    """Of pairs of nodes, a softer and a stiffer one with ``margins (pairs, 2, depths)``: which depth each margin is
-    highest at before the softer node holds ``(pairs, 2)``; and whether the stiffer, which stands at ``stands
-    (pairs,)``, does hold there, or depths only grow fast."""
+    """Where each margin is highest before the softer node holds, as index ``(pairs, 2)``, and whether the stiffer node
+    holds there, so that legs jump, rather than depth merely changing fast. ``margins (pairs, 2, depths)`` are those of
+    a softer and a stiffer node; the latter stands at ``stands (pairs,)``."""
     pairs, last = len(margins), len(depths) - 1
     found, jumps = np.zeros((pairs, 2), dtype=np.int64), np.zeros(pairs, dtype=np.bool_)
     for i in range(pairs):
@@ -372,8 +372,8 @@ def tops(margins, depths, stands):
 
 @_compiled
 def suffices(margins, depths):
-    """Where between a softer and a stiffer node k begins to suffice (0 to 1), by their ``margins (pairs, 2, n)`` at
-    ``depths`` about their highest places."""
+    """Where between a softer and a stiffer node k becomes sufficient (0 to 1), from their ``margins (pairs, 2, n)`` at
+    ``depths`` about their maxima."""
     part = np.empty(len(margins))
     for i in range(len(margins)):
         least, most = min(_height(margins[i, 0], depths[i, 0]), 0.0), _height(margins[i, 1], depths[i, 1])
@@ -383,7 +383,7 @@ def suffices(margins, depths):
 
 @_compiled
 def _height(margin, depths):
-    """How high a margin rises: ground that steps disturb has a ridge, to where the lines from both sides meet."""
+    """Maximum of a margin. With disturbed ground it is a kink, found by extending the lines from both sides."""
     top, last = np.argmax(margin), len(margin) - 1
     found = margin[top]
     for left in (top - 1, top):
@@ -402,23 +402,23 @@ def _height(margin, depths):
 def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
     """Depth and whether the ground holds at all, ``(rows, cells * nodes)``.
 
-    The margin is tried on a grid of depths, by a program ``scan`` of which the lines that depend on row, cell and node
-    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one,
-    told with where its lines that depend on the depth begin. Before that, a peak below 0 may hold between the grid's
-    depths (see ``Walker``).
+    The margin is evaluated on a grid of depths by the program ``scan``, whose lines that depend on row, cell and node
+    begin at ``levels``. Its first crossing of 0 is refined by ``steps`` of the Illinois rule with ``plain``, a program
+    and where its lines that depend on the depth begin. Before that crossing a peak below 0 may reach 0 between the
+    grid's depths (see ``Walker``).
     """
     upper, (peak, first, second) = _bracket(scan, levels, points, depth, grid)
     found, walking = _polish(plain, points, depth, grid, upper, steps), upper > 0
     if peak.any():
-        _follow(plain, points, depth, grid, peak, first, second, rises, held, found, walking)
+        _follow_rises(plain, points, depth, grid, peak, first, second, rises, held, found, walking)
     return found, walking
 
 
 @_compiled
 def _bracket(program, levels, points, depth, grid):
-    """Where on the grid the margin first is not negative, 0 if nowhere.
+    """Grid index at which the margin first is not negative, 0 if nowhere.
 
-    The same of the highest peak below 0 before that, and the margins at the two depths that lead up to it.
+    Also that of the highest peak below 0 before it, and the margins at the two depths that lead up to that peak.
     """
     code, inputs, outputs, count, constants, tables = program
     theta, conditions, k, phi, curve = points
@@ -428,19 +428,19 @@ def _bracket(program, levels, points, depth, grid):
     reg[depth] = grid
     upper, peak = np.zeros((rows, cells * nodes), dtype=np.int64), np.zeros((rows, cells * nodes), dtype=np.int64)
     first, second = np.zeros((2, rows, cells * nodes))
-    order, again = np.arange(cells), np.zeros(cells, dtype=np.bool_)
+    order, repeats = np.arange(cells), np.zeros(cells, dtype=np.bool_)
     outermost_first = np.roll(np.arange(nodes), 1)
     _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
     for row in range(rows):
         own = curve[row % len(curve)]
-        _put(inputs, OF_ROW, theta[row], reg)
+        _load_kind(inputs, OF_ROW, theta[row], reg)
         _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         if row < conditions.shape[1]:
-            _alike(inputs, conditions[:, row], order, again)
+            _group_equal_cells(inputs, conditions[:, row], order, repeats)
         for at in range(cells):
             cell = order[at]
-            if not again[at]:
-                _put(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
+            if not repeats[at]:
+                _load_kind(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
                 _run(code, levels[1], levels[2], reg, n, tables, phi, own)
             row_k, cell_k = row % k.shape[0], cell % k.shape[1]
             least, most = cell * nodes, cell * nodes + nodes - 1
@@ -448,15 +448,15 @@ def _bracket(program, levels, points, depth, grid):
                 point = least + node
                 agree = upper[row, least] == upper[row, most] and peak[row, least] + peak[row, most] == 0
                 if 0 < node < nodes - 1 and agree:
-                    # k grows from node to node, and no ground holds later for being stiffer: what the outermost agree
-                    # on is so between them.
+                    # k grows from node to node, and stiffer ground never holds at a greater depth: where the outermost
+                    # nodes agree, so do those between them.
                     upper[row, point] = upper[row, least]
                     continue
                 if stiffness >= 0:
                     for i in range(n):
                         reg[stiffness, i] = k[row_k, cell_k, node]
                 _run(code, levels[2], len(code), reg, n, tables, phi, own)
-                held, top = _climbed(reg[margin])
+                held, top = _crossing_and_peak(reg[margin])
                 if held < n:
                     upper[row, point] = max(held, 1)
                 if top:
@@ -468,7 +468,7 @@ def _bracket(program, levels, points, depth, grid):
 
 @_compiled
 def _register_of(inputs, kind):
-    """That of the last input of a kind, -1 if there is none."""
+    """Register of the last input of a kind, -1 if there is none."""
     found = -1
     for at in range(len(inputs)):
         if inputs[at, 1] == kind:
@@ -477,16 +477,16 @@ def _register_of(inputs, kind):
 
 
 @_compiled
-def _alike(inputs, conditions, order, again):
-    """Order cells of ``conditions (columns, cells)`` so that those that a program can't tell apart follow each other,
-    and say which ones are as the one before ``again (cells,)``."""
+def _group_equal_cells(inputs, conditions, order, repeats):
+    """Fill ``order`` so that cells with equal inputs in ``conditions (columns, cells)`` follow each other, and
+    ``repeats (cells,)`` with whether each equals the one before."""
     placed, count = np.zeros(len(order), dtype=np.bool_), 0
     for first in range(len(order)):
         if not placed[first]:
             begin = count
             for cell in range(first, len(order)):
                 if _same(inputs, conditions, first, cell):
-                    order[count], again[count], placed[cell] = cell, count > begin, True
+                    order[count], repeats[count], placed[cell] = cell, count > begin, True
                     count += 1
 
 
@@ -499,8 +499,8 @@ def _same(inputs, conditions, cell, other):
 
 
 @_compiled
-def _climbed(margin):
-    """Where it first is not negative, its length if nowhere; where its highest peak before that is, 0 if nowhere."""
+def _crossing_and_peak(margin):
+    """Index at which it first is not negative (its length if nowhere) and of its highest peak before (0 if none)."""
     held, last, top = 0, len(margin) - 1, 0
     while held <= last and not margin[held] >= 0:
         held += 1
@@ -513,16 +513,16 @@ def _climbed(margin):
 
 @_compiled
 def _polish(program, points, depth, grid, upper, steps):
-    """Depth of the crossing within its bracket, the deepest where there is none."""
+    """Depth of the crossing within its bracket, the greatest depth where there is none."""
     (code, inputs, outputs, count, constants, tables), first_moved = program
     phi, curve = points[3], points[4]
-    reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
+    reg, none = _registers(count, BLOCK, constants), np.empty((0, 0, 0))
     found = np.full(upper.shape, grid[-1])
-    low, high, below, above = np.empty((4, AT_ONCE))
+    low, high, below, above = np.empty((4, BLOCK))
     for row in range(len(upper)):
         crossing = np.nonzero(upper[row])[0]
-        for begin in range(0, len(crossing), AT_ONCE):
-            which = crossing[begin : begin + AT_ONCE]
+        for begin in range(0, len(crossing), BLOCK):
+            which = crossing[begin : begin + BLOCK]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
             _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
@@ -538,7 +538,7 @@ def _polish(program, points, depth, grid, upper, steps):
                 _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
-                    # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
+                    # Illinois rule: halve the margin of the retained end, so that it is not retained for ever.
                     if here >= 0:
                         high[i], above[i] = reg[depth, i], here
                         below[i] *= 0.5
@@ -551,16 +551,16 @@ def _polish(program, points, depth, grid, upper, steps):
 
 
 @_compiled
-def _follow(program, points, depth, grid, peak, first, second, steps, held, found, walking):
-    """Put in where the margin reaches 0 on its way up to a peak."""
+def _follow_rises(program, points, depth, grid, peak, first, second, steps, held, found, walking):
+    """Enter the depths at which the margin reaches 0 as it rises to a peak, see ``Walker._on_a_rise``."""
     (code, inputs, outputs, count, constants, tables), first_moved = program
     phi, curve = points[3], points[4]
-    reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
-    low, here = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    reg, none = _registers(count, BLOCK, constants), np.empty((0, 0, 0))
+    low, here = np.empty(BLOCK), np.empty(BLOCK)
     for row in range(len(peak)):
         peaked = np.nonzero(peak[row])[0]
-        for begin in range(0, len(peaked), AT_ONCE):
-            which = peaked[begin : begin + AT_ONCE]
+        for begin in range(0, len(peaked), BLOCK):
+            which = peaked[begin : begin + BLOCK]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
             _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
@@ -570,7 +570,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
             for _ in range(steps):
                 for i in range(n):
                     top, now = peak[row, which[i]], reg[depth, i]
-                    beyond = _prolonged(low[i], now, first[row, which[i]], here[i])
+                    beyond = _extrapolated(low[i], now, first[row, which[i]], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
                         low[i], first[row, which[i]], reg[depth, i] = now, here[i], beyond
                 _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
@@ -581,7 +581,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
 
 
 @_compiled
-def _prolonged(low, high, below, above):
+def _extrapolated(low, high, below, above):
     rise = above - below
     return low - below / rise * max(high - low, 1e-9) if rise > 0 else np.inf
 

@@ -1,4 +1,4 @@
-"""A base model with a set of effects and the parameters they share: what a fit searches."""
+"""A base model with a set of effects, and the parameters shared by all φ levels."""
 
 import pickle
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +13,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.effect import Effect, Parameter, of_catalogue
+from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
@@ -24,26 +24,26 @@ BASE_PARAMETERS = (
     Parameter("delta_t_s", "s", 0.1, 1.2, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
     Parameter("v_swim_m_s", "m/s", 0.0, 0.05, V_SWIM_M_S, "swimming speed, the same everywhere", hard_low=0.0),
 )
-"""Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted, lest a robot that swims a little faster be
+"""Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted so that a robot that swims a little faster is not
 mistaken for one with a missing effect."""
 
 SLOWEST = round(slow_phase_ratio("HGCS"), 2)
-"""A slow phase's rate over the mean one (β of HGCS): by as much a Δt may be shorter where legs push in it."""
+"""Leg rate in a slow phase over the mean rate (β of HGCS): the factor by which Δt may be shorter if legs push in it."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """``base`` is a key of ``walking.BASES``, ``effects`` come on top of it."""
+    """``base`` is a key of ``walking.BASES``, to which ``effects`` are added."""
 
     base: str
     effects: tuple[Effect, ...]
     catalogue: Mapping[str, Effect]
     robot: Robot = SANDBOT
     held: Mapping[str, float] = field(default_factory=dict)
-    """Shared parameters that are not fitted but held at a value, by their names in ``names``."""
+    """Values of shared parameters that are held and not fitted, by their names in ``names``."""
 
     def __getstate__(self) -> dict[str, object]:
-        """What is computed when it is asked for is not pickled."""
+        """Cached properties are not pickled."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -60,31 +60,31 @@ class Model:
     @cached_property
     def tape(self) -> "Tape | None":
         """The chain as operations; None where an effect can't be recorded."""
-        # Imported now: nobody who fits nothing waits for the compiler.
+        # Imported here: commands that fit nothing do not wait for the compiler.
         from sandbot_model.physics.tape import record, recorded
 
         walker = self.walker
-        # A user may change an effect of his own between two models.
-        known = all(map(of_catalogue, walker.effects))
-        return recorded(pickle.dumps((walker.effects, walker.robot))) if known else record(walker)
+        # Recordings of a user's effect are not cached: it may change between two models.
+        cached = all(map(is_from_catalogue, walker.effects))
+        return recorded(pickle.dumps((walker.effects, walker.robot))) if cached else record(walker)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The shared parameters in the order of ``names``; one that is held has no range but its value."""
+        """The shared parameters in the order of ``names``; the range of a held one is its value."""
         return tuple(
             parameter.held_at(self.held[name]) if name in self.held else parameter
             for name, parameter in self._by_name.items()
         )
 
     def parameter(self, name: str) -> Parameter:
-        """A shared parameter by its name. Raises InputError for one that the model does not have."""
+        """A shared parameter by name. Raises InputError if the model has none of that name."""
         if name not in self.names:
             raise InputError(f"the model has no parameter {name!r}{did_you_mean(name, self.names)}")
         return self.parameters[self.names.index(name)]
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """What a fit may search, ``(parameters,)`` each."""
+        """Lower and upper ends of the search ranges, ``(parameters,)`` each."""
         low, high = zip(*(parameter.search for parameter in self.parameters), strict=True)
         return np.array(low), np.array(high)
 
@@ -123,7 +123,7 @@ class Model:
         clock: Clock = EVEN,
         k_of_phi: Callable[[Array], Array] | None = None,
     ) -> tuple[Inputs, Params]:
-        """What the walker predicts from: conditions, and shared parameters ``theta (..., parameters)``.
+        """The walker's arguments for conditions and shared parameters ``theta (..., parameters)``.
 
         The leading axes of θ broadcast against the conditions.
         """
@@ -138,8 +138,8 @@ def model_of(
     robot: Robot | None = None,
     held: Mapping[str, float] | None = None,
 ) -> Model:
-    """The model named. Raises InputError for an unknown base or effect, an effect the base has already, or a
-    parameter held that is none.
+    """The model with these effects, in any order. Raises InputError for an unknown base or effect, an effect that the
+    base already has, or a held parameter that the model does not have.
     """
     if base not in BASES:
         raise InputError(f"model {base!r} is not one of {', '.join(BASES)}")

@@ -9,7 +9,7 @@ from sandbot_common.accuracy import Accuracy
 from sandbot_model.physics.arrays import Array
 
 CM = 100.0
-"""Centimetres in a metre: a person reads every observable in cm or cm/s."""
+"""Centimetres in a metre: observables are shown in cm or cm/s."""
 
 
 class Observable(IntEnum):
@@ -22,7 +22,7 @@ class Observable(IntEnum):
     column: str
     """Column of the trials table [SI]."""
     label: str
-    """What a person calls it."""
+    """Name shown to people."""
     unit: str
     """SI unit."""
 
@@ -40,12 +40,12 @@ class Observable(IntEnum):
 
     @property
     def readers_unit(self) -> str:
-        """The unit a person reads, ``CM`` times finer than SI."""
+        """The unit shown to people, ``CM`` times finer than SI."""
         return f"c{self.unit}"
 
     @property
     def heading(self) -> str:
-        """Label and reader's unit, as over a column or beside an axis."""
+        """Label and reader's unit, for a column or an axis."""
         return f"{self.label} ({self.readers_unit})"
 
 
@@ -56,13 +56,13 @@ NAMES = tuple(observable.name for observable in Observable)
 
 
 def usual_noise(accuracy: Accuracy) -> Array:
-    """Usual standard deviation of one trial of each observable ``(4,)`` [SI]."""
+    """Usual standard deviation of a single trial, for each observable ``(4,)`` [SI]."""
     names = (f"{observable.name}_sd_{observable.unit.replace('/', '_')}" for observable in Observable)
     return np.array([getattr(accuracy, name) for name in names])
 
 
 def shared_variance(accuracy: Accuracy, values: Array) -> Array:
-    """Variance of the error that all replicates share, of ``values (..., 4)`` [SI]."""
+    """Variance of the error that all replicates share, for ``values (..., 4)`` [SI]."""
     constant = np.array([getattr(accuracy, observable.column) for observable in Observable])
     share = np.array([getattr(accuracy, f"{observable.name}_share") for observable in Observable])
     return np.asarray(constant**2 + (share * values) ** 2)

@@ -1,4 +1,4 @@
-"""What a model says while a trial runs: mean speed for the conditions, v_x(t) for the leg angles."""
+"""Predictions while a trial runs: mean speed for the conditions, v_x(t) for the leg angles."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import under
+from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import BASES, KCurve, Prediction
 
 
@@ -32,7 +32,7 @@ class PredictorParameters:
     robot: str = parameter("", doc="robot file (empty: the result's, else the trial's own, else SandBot)")
     model: str = parameter("simple", doc="base model", choices=tuple(BASES))
     effects: str = parameter("", doc="effects, separated by commas")
-    # ROS knows no empty list of texts.
+    # ROS has no empty list of strings.
     effect: tuple[str, ...] = parameter(("",), doc="your own effects as formulas, as --effect of compare")
     effects_from: tuple[str, ...] = parameter(("",), doc="Python files with effects of your own")
     values: str = parameter("", doc="their parameters, e.g. 'stance_overlap.eta=0.1, ...' (default: each one's start)")
@@ -52,7 +52,7 @@ class Instant:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A model with values for everything."""
+    """A model with values for all parameters and k."""
 
     model: Model
     theta: Array
@@ -72,7 +72,7 @@ class Predictor:
         """Body velocity for leg angles [rad] and rates [rad/s] of shape ``(legs,)``.
 
         A leg stands while its centre is within the chord, |θ| ≤ asin(s/2R); the axle then moves on a circle about it,
-        v = Rθ̇ (cos θ, -sin θ). With no leg standing the belly is down and the body rests; a swimmer keeps v_swim.
+        v = Rθ̇ (cos θ, -sin θ). With no leg standing the belly is down and the body rests; a swimming one has v_swim.
         """
         mean, reach = self._stance(phi, omega, gait)
         if reach <= 0:
@@ -112,15 +112,15 @@ def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
 
 
 def predictor_of(given: PredictorParameters) -> Predictor:
-    """The predictor the parameters describe. Raises InputError where they do not fit together."""
+    """The predictor that the parameters describe. Raises InputError where they are inconsistent."""
     robot = read_robot(given.robot) if given.robot else None
     effects = catalogue([Path(file) for file in given.effects_from if file], list(filter(None, given.effect)))
     if given.result:
         alone = PredictorParameters(
             given.result, robot=given.robot, effect=given.effect, effects_from=given.effects_from
         )
-        if beside := [name for name, value in vars(given).items() if value != getattr(alone, name)]:
-            raise InputError(f"{beside[0]}: result {given.result} tells the whole model; leave one of the two out")
+        if others := [name for name, value in vars(given).items() if value != getattr(alone, name)]:
+            raise InputError(f"{others[0]}: result {given.result} specifies the whole model; leave one of the two out")
         return predictor_from_json(Path(given.result), robot, effects)
     if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
         raise InputError("phi must rise and have as many values as k_n_per_m")
@@ -133,7 +133,7 @@ def predictor_of(given: PredictorParameters) -> Predictor:
 def predictor_from_json(
     path: Path, robot: Robot | None = None, effects: Mapping[str, Effect] | None = None
 ) -> Predictor:
-    """The last step of a result of ``discover --json`` or ``compare --json``, which must be of ``robot`` if given.
+    """The last step of a result of ``discover --json`` or ``compare --json``, which must be for ``robot`` if given.
 
     ``effects`` are by default the catalogue's.
     """
@@ -144,8 +144,8 @@ def predictor_from_json(
         phi, k = np.array([(row["phi"], row["value"]) for row in step["k_n_per_m"]], dtype=float).T
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
-        # Older files say it once for all steps.
-        known = under(step.get("variants", content.get("variants", {})), known)
+        # Older files have one entry for all steps.
+        known = with_variants(step.get("variants", content.get("variants", {})), known)
         if absent := [name for name in step["effects"] if name not in known]:
             raise InputError(f"effect {absent[0]!r} is not in the catalogue; effect or effects_from gives your own")
         model = model_of(content["model"], step["effects"], known, own)
@@ -154,7 +154,7 @@ def predictor_from_json(
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     if robot is not None and robot != own:
-        raise InputError(f"{path}: the result of another robot than robot says ({difference(own, robot)})")
+        raise InputError(f"{path}: the result is for another robot than robot says ({difference(own, robot)})")
     return _predictor(model, values, phi, k, str(path))
 
 

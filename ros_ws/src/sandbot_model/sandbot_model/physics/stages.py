@@ -1,4 +1,4 @@
-"""The chain filled stage by stage, each stage's effects acting on what is there."""
+"""Fills the chain stage by stage; the effects of each stage act on the quantities computed so far."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ def through(chain: Chain, effects: Active) -> Chain:
                 guarded.apply(effect, chain, values)
 
     robot = chain.robot
-    # Before the clock, on which it depends in which phase a leg's speed is largest, and how far it falls behind there.
+    # Set before the clock, whose effects may scale it: the phase of the largest leg speed depends on the gait.
     chain.peak_ratio = np.ones(())
     act("clock")
     chain.leg_speed = robot.leg_radius_m * chain.omega
@@ -33,7 +33,7 @@ def through(chain: Chain, effects: Active) -> Chain:
     chain.step = np.minimum(chain.chord, chain.longest_step) if clocked else chain.chord
     chain.kept = np.ones(())
     act("step")
-    # What of a step becomes advance is known before what it costs: the next foot falls an advance further on.
+    # Speed comes before strength: the next foot falls an advance further on, maybe in disturbed ground.
     act("speed")
 
     chain.penetration = chain.depth

@@ -1,7 +1,7 @@
-"""The language of formulas: every symbol that the catalogue shows is a name that may be typed.
+"""The names of formulas: every symbol that the catalogue shows may be typed.
 
-A quantity of the chain goes by its own name (``depth``) and by its symbols (``d``). A few more follow from those of the
-chain. Four of them may be set all the same: what is set then is the part that was not settled before (``v``: the share
+A quantity of the chain has its own name (``depth``) and symbols (``d``). A few more are derived from those of the
+chain. Four of these may be set as well, which sets the quantity that is still free at that stage (``v``: the share
 kept).
 """
 
@@ -24,7 +24,7 @@ READABLE = {
     "strength": ("penetration", "sigma_phi"),
     "balance": ("force", "extra_force", "F_z", "delta_v", "lift_ratio", "a_z", "mass", "added_mass", "gravity"),
 }
-"""Quantities that exist from a stage on, in the order in which the chain is filled."""
+"""Quantities that become available at each stage, in the order in which the chain is filled."""
 
 SYMBOLS = {
     "omega": ("ω",),
@@ -45,7 +45,7 @@ SYMBOLS = {
     "added_mass": ("m_a",),
     "gravity": ("g",),
 }
-"""Symbols of the chain's quantities; ``g`` is the robot's until the balance makes it gravity across the bed."""
+"""Symbols of the chain's quantities; ``g`` is the robot's until the balance, from then on gravity normal to the bed."""
 
 CONSTANTS: dict[str, tuple[str, str, Callable[[Robot], float]]] = {
     "R": ("m", "leg radius", lambda robot: robot.leg_radius_m),
@@ -58,12 +58,12 @@ CONSTANTS: dict[str, tuple[str, str, Callable[[Robot], float]]] = {
     "Delta_xi": ("rad", "arc of the leg beyond a half circle", lambda robot: robot.arc_excess_rad),
     "N": ("1", "legs of a tripod", lambda robot: float(robot.legs_per_tripod)),
 }
-"""What the robot gives: unit, meaning, value."""
+"""Constants of the robot: unit, meaning, value."""
 
 
 @dataclass(frozen=True)
 class Derived:
-    """A quantity that follows from others of the chain, and how it is set, if it can be."""
+    """A quantity derived from others of the chain, and how it is set, if it can be."""
 
     unit: str
     doc: str
@@ -88,7 +88,7 @@ def _put_acceleration(chain: Chain, acceleration: Array) -> None:
 
 
 def _ratio(above: Array, below: Array, otherwise: Array) -> Array:
-    """``above / below``, or ``otherwise`` where there is nothing to divide by."""
+    """``above / below``, or ``otherwise`` where ``below`` is 0."""
     above, below, otherwise = np.broadcast_arrays(above, below, otherwise)
     return np.asarray(np.divide(above, below, out=np.array(otherwise, dtype=float), where=below != 0.0))
 
@@ -106,13 +106,13 @@ DERIVED = {
         _put_acceleration,
     ),
     "t_s": Derived("s", "how long a leg stands in a step, by the clock of the gait", lambda chain: chain.standing_time),
-    "t_left": Derived("s", "time from the end of a stance to the next leg's", lambda chain: chain.time_left),
+    "t_left": Derived("s", "time from the end of a stance to the next leg's stance", lambda chain: chain.time_left),
 }
 
 
 @dataclass(frozen=True)
 class Symbol:
-    """What may stand in a formula: all its spellings, unit, meaning, and the stage from which on it exists."""
+    """A name of formulas: all its spellings, unit, meaning, and the stage from which on it exists."""
 
     spellings: tuple[str, ...]
     unit: str
@@ -121,19 +121,19 @@ class Symbol:
 
 
 def readable(stage: str) -> dict[str, str]:
-    """Every spelling of what exists at a stage, and the quantity it means."""
+    """Every spelling that is known at a stage, and the quantity it means."""
     order = list(READABLE)
     names = [name for earlier in order[: order.index(stage) + 1] for name in READABLE[earlier]]
     return {spelling: name for name in names for spelling in (name, *SYMBOLS.get(name, ()))}
 
 
 def stage_of(spelling: str) -> str:
-    """The first stage at which a quantity exists; empty for what is none."""
+    """The first stage at which a quantity exists; empty for an unknown one."""
     return next((stage for stage in READABLE if spelling in readable(stage)), "")
 
 
 def settable(name: str) -> bool:
-    """Whether a quantity may be set, and does not only follow from others."""
+    """Whether a quantity may be set; some derived ones may not."""
     return name not in DERIVED or DERIVED[name].put is not None
 
 
@@ -154,7 +154,7 @@ def put(chain: Chain, name: str, value: Array) -> None:
 
 
 def listed() -> tuple[Symbol, ...]:
-    """All there is, in the order of the chain, then what the robot gives."""
+    """All symbols, in the order of the chain, then the constants of the robot."""
     known: Mapping[str, Mapping[str, str]] = {field.name: field.metadata for field in fields(Chain)}
     found = []
     for stage, names in READABLE.items():
@@ -162,9 +162,9 @@ def listed() -> tuple[Symbol, ...]:
             derived = DERIVED.get(name)
             unit, doc = (known[name]["unit"], known[name]["doc"]) if derived is None else (derived.unit, derived.doc)
             own = SYMBOLS.get(name, ())
-            # Where the doc begins with the symbol, "d, depth of ...", it stands beside itself.
-            said = next((doc.removeprefix(f"{symbol}, ") for symbol in own if doc.startswith(f"{symbol}, ")), doc)
-            found.append(Symbol((*own, name), unit, said, stage))
+            # A doc that begins with the symbol, "d, depth of ...", would repeat it.
+            text = next((doc.removeprefix(f"{symbol}, ") for symbol in own if doc.startswith(f"{symbol}, ")), doc)
+            found.append(Symbol((*own, name), unit, text, stage))
     robots = [Symbol((name,), unit, doc, "robot") for name, (unit, doc, _) in CONSTANTS.items()]
     first = Symbol(("first",), "1", "1 in the first step, on virgin ground; 0 in all others", "any")
     return (*found, *robots, first, Symbol(("K(phi)",), "N/m", "the fitted k at another volume fraction", "any"))

@@ -1,12 +1,11 @@
-"""Formulas of effects as MathML, which browsers show without a library.
+"""Formulas of effects as MathML, which browsers render without a library.
 
 A formula is statements separated by ``;`` and, after a colon, words:
 
     "s -> s*e; peak -> peak*e; e = clip(1 - F_c/F_x, 0, 1); F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]: remark"
 
-``quantity -> expression`` is a change of the chain, ``name = expression [unit]`` or ``f(x) = expression`` says what a
-name stands for; docs/physics.md §6 lists the quantities. What does not read like that (a user's own words) is shown as
-it is.
+``quantity -> expression`` changes a quantity of the chain, ``name = expression [unit]`` or ``f(x) = expression``
+defines a name; docs/physics.md §6 lists the quantities. Anything else (a user's own words) is shown unchanged.
 """
 
 import ast
@@ -25,10 +24,10 @@ _STATEMENT = re.compile(
 )
 _SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "−", ast.Gt: "&gt;", ast.Lt: "&lt;"}
 _TIMES, _DOT = "\u2062", "·"
-"""Letters multiply by standing side by side; words and numbers would run together."""
+"""Letters are multiplied by juxtaposition; words and numbers would run together."""
 _RAISED = str.maketrans({"^": None, "2": "²", "3": "³"})
 _CHOICE, _SUM, _PRODUCT, _POWER, _ATOM = range(5)
-"""How tightly an expression holds together."""
+"""Precedence of an expression."""
 
 
 class Statement(NamedTuple):
@@ -41,7 +40,7 @@ class Statement(NamedTuple):
 
 
 def statements(formula: str) -> tuple[tuple[Statement, ...], str]:
-    """A formula's statements and its words. Raises ValueError where it does not read like that."""
+    """A formula's statements and its words. Raises ValueError for text of another form."""
     body, _, words = formula.partition(":")
     found = []
     for part in body.split(";"):
@@ -61,20 +60,20 @@ def mathml(formula: str) -> str:
 
 
 def mathml_in_pieces(formula: str) -> str:
-    """The same as a ``<math>`` for each statement, between which a narrow column may break its lines."""
+    """The same with a ``<math>`` element per statement, between which lines may break."""
     lines, words = _typeset(formula)
     shown = "; ".join(f"<math>{line}</math>" for line in lines)
     return ", ".join(filter(None, (shown, escape(words))))
 
 
 def mathml_lines(formula: str) -> tuple[str, ...]:
-    """The same as HTML for each statement, and one for the words, to stand below each other, fractions at full size."""
+    """The same as lines of HTML, one per statement and one for the words, fractions at full size."""
     lines, words = _typeset(formula)
     return (*(f'<math displaystyle="true">{line}</math>' for line in lines), *filter(None, [escape(words)]))
 
 
 def _typeset(formula: str) -> tuple[list[str], str]:
-    """The inside of each statement's ``<math>``, and the words; all is words where it does not read like a formula."""
+    """The content of each statement's ``<math>``, and the words; text that is no formula is all words."""
     try:
         lines, words = statements(formula)
         return [_line(line) for line in lines], plain(words)
@@ -83,7 +82,7 @@ def _typeset(formula: str) -> tuple[list[str], str]:
 
 
 def plain(formula: str) -> str:
-    """The formula on a line of a terminal, Greek letters for their names; what it shows may be typed."""
+    """The formula as a line of plain text with Greek letters; what it shows may be typed."""
     shown = re.sub(r"[A-Za-z]\w*", lambda name: _letters(name[0]), formula.replace("->", "→").replace("^2", "²"))
     return shown.replace("*", "·")
 
@@ -106,28 +105,28 @@ def _shown(expression: str) -> tuple[str, int]:
 
 
 def _node(node: ast.expr) -> tuple[str, int]:
-    """MathML of an expression and how tightly it holds together."""
+    """MathML of an expression and its precedence."""
     match node:
         case ast.Name(id=name):
             return _name(name), _ATOM
         case ast.Constant(value=int() | float() as value):
             return f"<mn>{value:g}</mn>", _ATOM
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return f"<mrow><mo>−</mo>{_held(operand, _PRODUCT)}</mrow>", _SUM
+            return f"<mrow><mo>−</mo>{_parenthesised(operand, _PRODUCT)}</mrow>", _SUM
         case ast.BinOp(left=left, op=ast.Div(), right=right):
             return f"<mfrac>{_row(left)}{_row(right)}</mfrac>", _PRODUCT
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            return f"<msup>{_held(left, _ATOM)}{_row(right)}</msup>", _POWER
+            return f"<msup>{_parenthesised(left, _ATOM)}{_row(right)}</msup>", _POWER
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            one, sign, other = _held(left, _PRODUCT), _times(left, right), _held(right, _PRODUCT)
+            one, sign, other = _parenthesised(left, _PRODUCT), _times(left, right), _parenthesised(right, _PRODUCT)
             return f"<mrow>{one}<mo>{sign}</mo>{other}</mrow>", _PRODUCT
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as sign, right=right):
-            after = _held(right, _PRODUCT if isinstance(sign, ast.Sub) else _SUM)
-            return f"<mrow>{_held(left, _SUM)}<mo>{_SIGNS[type(sign)]}</mo>{after}</mrow>", _SUM
+            after = _parenthesised(right, _PRODUCT if isinstance(sign, ast.Sub) else _SUM)
+            return f"<mrow>{_parenthesised(left, _SUM)}<mo>{_SIGNS[type(sign)]}</mo>{after}</mrow>", _SUM
         case ast.Compare(left=left, ops=[ast.Gt() | ast.Lt() as sign], comparators=[right]):
             return f"<mrow>{_row(left)}<mo>{_SIGNS[type(sign)]}</mo>{_row(right)}</mrow>", _SUM
         case ast.Call(func=ast.Name(id="where"), args=[condition, value, otherwise]):
-            return _choice(_row(condition), _held(value, _SUM), _held(otherwise, _SUM)), _CHOICE
+            return _choice(_row(condition), _parenthesised(value, _SUM), _parenthesised(otherwise, _SUM)), _CHOICE
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _CALLS.get(name, _call)(name, [_row(argument) for argument in arguments]), _ATOM
     raise ValueError(f"{ast.unparse(node)!r} is not typeset")
@@ -137,10 +136,10 @@ def _row(node: ast.expr) -> str:
     return f"<mrow>{_node(node)[0]}</mrow>"
 
 
-def _held(node: ast.expr, tightness: int) -> str:
-    """With parentheses where it holds together less tightly than that."""
+def _parenthesised(node: ast.expr, precedence: int) -> str:
+    """In parentheses where its precedence is lower than ``precedence``."""
     shown, own = _node(node)
-    return shown if own >= tightness else f"<mrow><mo>(</mo>{shown}<mo>)</mo></mrow>"
+    return shown if own >= precedence else f"<mrow><mo>(</mo>{shown}<mo>)</mo></mrow>"
 
 
 def _times(left: ast.expr, right: ast.expr) -> str:
@@ -148,7 +147,7 @@ def _times(left: ast.expr, right: ast.expr) -> str:
 
 
 def _is_word(factor: ast.expr) -> bool:
-    """Whether it is, or is a product or power of, a name of several letters or a function's value."""
+    """Whether it is a name of several letters or a function call, or a product or power of one."""
     match factor:
         case ast.Name(id=name):
             return len(_letters(name).partition("_")[0]) > 1

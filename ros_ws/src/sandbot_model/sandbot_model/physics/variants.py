@@ -1,10 +1,10 @@
-"""Other conventions for an effect's formula: the family is the effect, which convention holds is for the data to say.
+"""Variants of effects: the same effect with another convention in its formula, to be chosen by the data.
 
-An exponent, the width of a ramp, a law of friction, what the first step feels and whether the peak of v_x(t) does are
-conventions of whoever wrote the formula down. A variant departs from its family's formula in one of them, and has its
-family's identifier and parameters, so that it takes its place in a catalogue. Where the convention is a number
-(``power``; ``part``; ``log_width``, a ramp of 10^log_width R; ``reach``, where it begins; a time or a length), that is
-one parameter more, fitted and paid for like any other.
+An exponent, the width of a ramp, a law of friction, and whether the first step or the peak of v_x(t) are affected are
+conventions of whoever wrote the formula. A variant differs from the formula of its family, an effect of the catalogue,
+in one of them; it has the family's identifier and parameters, and can replace it in a catalogue. Where the convention
+is a number (``power``; ``part``; ``log_width``, a ramp of 10^log_width R; ``reach``, where it begins; a time or a
+length), that is an additional parameter, fitted and penalised like any other.
 """
 
 from collections.abc import Mapping
@@ -12,13 +12,13 @@ from dataclasses import replace
 from functools import lru_cache
 
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import Effect, Parameter, Values, of_catalogue
+from sandbot_model.physics.effect import Effect, Parameter, Values, is_from_catalogue
 from sandbot_model.physics.formula import formula_effect
 
 _POWER = "; power [1] in {}..{}"
 _EITHER = _POWER.format(-2, 2)
 _GROWS = _POWER.format(0, 2)
-"""What contact or friction takes of any step grows with pace: by the time that both tripods stand, by speed squared."""
+"""Range for losses by contact or friction, which grow with pace: with the time of double stance, or speed squared."""
 _BY_OMEGA = "(omega/16)**power"
 _DEPTH = "maximum(d, 1e-6)"
 _WIDTH = "; log_width [1] in -2..0"
@@ -33,7 +33,7 @@ _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
 _DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}, 0, 1)"
 _BORNE = "maximum(0.6*k*d, 1e-6)"
-"""Friction: the ground holds a leg along the track by a share of what it carries, 4 N as F_x where legs stand."""
+"""Friction: the ground's horizontal force on a leg is a share of the load it carries, 4 N like F_x where legs stand."""
 _SLOWER = f"(d_r/{_DEPTH})**2"
 _TURNED = "2*arcsin(clip(s_0/(2*R), 0, 1))"
 _TOUCH_DOWN = f"{_TURNED}/t_s*maximum(d + h - R, 0)"
@@ -46,28 +46,28 @@ _FORGOTTEN = "exp(-pi/(omega*tau_m_s))*(1 - first)"
 _TAU = "; tau_m_s [s] in 0.05..1"
 _COULOMB = "s + {u}*minimum({u}/(mu_b*g), {left}) - 0.5*mu_b*g*minimum({u}/(mu_b*g), {left})**2"
 _AT = 0.4
-"""Speed [m/s] at which other laws of friction are Coulomb's: a body's at touch-down."""
+"""Speed [m/s] at which other laws of friction equal Coulomb's: that of a body at touch-down."""
 _DECAY_S = f"{_AT}/(mu_b*g)"
 _DECAY_M = f"{_AT}**2/(mu_b*g)"
 _VISCOUS = f"s + maximum(share, 0)*{_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{{left}}/({_DECAY_S}))); share [1] in 0.1..1"
-"""A belly that comes down may keep no more than a share of the speed."""
+"""Viscous friction; the belly may keep only a ``share`` of the speed as it comes down."""
 _SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 AT_THE_SLOW_RATE, BY_THE_MEAN_RATE = "all of a stance at the slow rate", "by the mean rate"
 PAST_THE_NEXT_LEG = "no stance cut short by the next leg"
 OF_PHASES = (AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, PAST_THE_NEXT_LEG)
-"""What a formula may overlook of a gait of two phases: its family's own where legs turn at one rate."""
+"""Variants that neglect something of a gait with two phases; where legs turn at one rate they equal their family."""
 IN_ANOTHER_BED = "in a bed of another depth"
-"""No other formula, but what a robot's file may have wrong."""
+"""The same formula with a bed depth that differs from the one in the robot's file."""
 BY_ITS_TILT = "by the square of how far a leg tilts"
-"""A law of force that is bent by one number, as much else can seem to: it speaks against a claim, and is none alone."""
+"""A one-parameter bend of the force law, which many causes can imitate: it counts against a claim, but is no claim."""
 _PSI_MAX = "arccos(clip(1 - z/R, -1, 1))"
 _PSI_MIN = f"minimum({_PSI_MAX}, arccos(clip((d + h)/R - 1, -1, 1)) + Delta_xi)"
 _ON_ARC = " + ".join(f"R/2*({psi} + cos({psi})*sin({psi})) + (z - R)*sin({psi})" for psi in (_PSI_MAX, _PSI_MIN))
 _UNDER = "clip((d/(2*R - h) - 0.89)/0.11, 0, 1)"
-"""From where the end of a leg goes under to where the robot swims."""
+"""Ramp from the depth at which the end of a leg goes under to the one at which the robot swims."""
 _CHORD = "sqrt(maximum(R**2 - (d*{} + h - R)**2, 0))"
 _OF_A_TRIPOD = f"({_CHORD.format('(1 + x)')} + 2*{_CHORD.format('(1 - x/2)')})/(1.5*maximum(s_0, 1e-6))"
-"""Mean of the steps of a middle leg that carries more and of two outer ones, over that of legs that share."""
+"""Mean step of a middle leg that carries more and of two outer legs, over that of equally loaded legs."""
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
@@ -165,20 +165,21 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
     },
 }
-"""By family: what is different, and the formula's right side as ``--effect`` reads it, with ranges of what is new."""
+"""By family: the name of each convention, and its formula as in ``--effect``, with ranges of new parameters."""
 
 
 NEW = "the convention, as a number"
-"""What is said of a parameter that a variant has beside its family's."""
+"""Description of a parameter that a variant has in addition to its family's."""
 
 
-def _as_number(one: Parameter) -> Parameter:
-    """The convention as a parameter: an exponent may be any number, a time or a length is above zero."""
-    return replace(one, doc=NEW, hard_low=one.hard_low if one.unit == "1" else 0.1 * one.low)
+def _convention_parameter(parameter: Parameter) -> Parameter:
+    """The parameter of a convention: an exponent may be any number, a time or a length must be positive."""
+    hard_low = parameter.hard_low if parameter.unit == "1" else 0.1 * parameter.low
+    return replace(parameter, doc=NEW, hard_low=hard_low)
 
 
 class Variant(Effect):
-    """An effect under another convention; ``variant`` says which, ``as_formula`` is an effect of its own for it."""
+    """An effect with another convention, named ``variant``; ``as_formula`` is the same as a separate ``--effect``."""
 
     def __init__(self, family: Effect, variant: str, text: str) -> None:
         self.family = family
@@ -186,26 +187,26 @@ class Variant(Effect):
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
         self.of_phases = variant in OF_PHASES
         """Whether it differs from its family only where legs turn at two rates."""
-        ranges = (f"{one.name} [{one.unit}] in {one.low}..{one.high}" for one in family.parameters)
+        ranges = (f"{p.name} [{p.unit}] in {p.low}..{p.high}" for p in family.parameters)
         acts = "; ".join((f"{self.stage}: {text}", *ranges))
         self.acts = formula_effect(f"{self.identifier}: {acts}", tried=True)
         self.as_formula = f"{self.identifier}_variant: {acts}"
-        own = {one.name for one in family.parameters}
+        own = {p.name for p in family.parameters}
         self.parameters = (
             *family.parameters,
-            *(_as_number(one) for one in self.acts.parameters if one.name not in own),
+            *(_convention_parameter(p) for p in self.acts.parameters if p.name not in own),
         )
         self.formula, self.first_step_differs = self.acts.formula, self.acts.first_step_differs
         self.at_the_slow_rate = family.at_the_slow_rate
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         self.acts.apply(chain, p)
 
 
 def variants_of(effect: Effect) -> tuple[Variant, ...]:
-    """The other conventions of a family; none of an effect that a user has put in its place."""
-    return () if effect.variant or not of_catalogue(effect) else _variants(effect)
+    """The variants of an effect of the catalogue; none if a user has replaced it."""
+    return () if effect.variant or not is_from_catalogue(effect) else _variants(effect)
 
 
 @lru_cache(maxsize=64)
@@ -213,7 +214,7 @@ def _variants(effect: Effect) -> tuple[Variant, ...]:
     return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())
 
 
-def under(conventions: Mapping[str, str], effects: Mapping[str, Effect]) -> dict[str, Effect]:
-    """A catalogue with some effects under other conventions, by their names. Raises KeyError for one that is none."""
-    by_name = {name: {one.variant: one for one in variants_of(effects[name])} for name in conventions}
+def with_variants(conventions: Mapping[str, str], effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """A catalogue with variants, by name, in place of some effects. Raises KeyError for an unknown one."""
+    by_name = {name: {variant.variant: variant for variant in variants_of(effects[name])} for name in conventions}
     return {**effects, **{name: by_name[name][variant] for name, variant in conventions.items()}}

@@ -1,12 +1,11 @@
-"""What a model says of a trial: depth from the force balance, and from it the four observables.
+"""A model's prediction of a trial: depth from the force balance, and from it the four observables.
 
-The leg sinks until the ground first gives the force that is needed:
+The leg sinks to the least depth at which the ground gives the force needed:
 
     d = min { d in [0, 2R - h] : F(d) ≥ m (g + a(d)) },      no such depth: the robot swims
 
 Strength, force and load are all functions of d (see ``chain``), so a self-consistent strength such as disturbed
-ground's k_eff(s(d)) needs no iteration: walking in from the surface, the first crossing is the fixed point with the
-longest step.
+ground's k_eff(s(d)) needs no iteration: the first crossing below the surface is the fixed point with the longest step.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,31 +29,32 @@ BASES: dict[str, tuple[str, ...]] = {
     "full": ("exact_vertical_acceleration", "exact_leg_arc"),
     "li09": ("disturbed_ground", "belly_coast", "slow_phase_speed"),
 }
-"""The base models; the full one (physics §3) is the simple one with two effects that are always on, li09 that with what
-Li et al. 2009 found beside it: what is searched for then comes on top."""
+"""The base models, as effects that are always on: "full" (physics §3) adds two to the simple model, "li09" those that
+Li et al. 2009 found. A search adds further effects."""
 
 V_SWIM_M_S = 0.02
 """Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
 
 DEPTHS = 40
-"""Depths at which the margin is tried, 2 mm apart at the surface, 0.7 mm where legs stand. Ground that holds over less
-(feet that disturb it soon weaken it) is found by following its rise; see ``_on_a_rise``."""
+"""Depths at which the margin is evaluated, 2 mm apart at the surface, 0.7 mm where legs stand. Ground that holds over a
+shorter range (where disturbance soon weakens it) is found by extrapolating its rise; see ``_on_a_rise``."""
 POLISH = 3
+"""Illinois steps that refine a crossing."""
 RISES = 3
-"""Secants by which a rise is followed to where it would hold."""
+"""Secant steps that extrapolate a rise to where the margin would reach 0."""
 HELD_N = 1e-4
-"""How near to 0 [N] the margin must come there."""
+"""Tolerance [N] for the margin to count as 0 there."""
 JUMP_M = 1e-9
 BEYOND_A_JUMP_M = np.linspace(0.0, 2.4e-3, 13)
-"""Right beyond a jump the force needed is least, and ground that feet disturb may hold over a short way only."""
+"""Additional depths right below a jump, where the load is least and disturbed ground may hold over a short range."""
 
 Params = Sequence[Mapping[str, ArrayLike]]
-"""Values of the parameters, one mapping an effect."""
+"""Values of the parameters, one mapping per effect."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a model predicts; all arrays of one shape. Step and depth are NaN where the robot swims."""
+    """A model's predictions; all arrays of one shape. Step and depth are NaN where the robot swims."""
 
     speed_m_s: Array
     lift_m: Array
@@ -72,7 +72,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a prediction is made from, SI units, broadcastable against each other and against the parameters."""
+    """Inputs of a prediction, SI units, broadcastable against each other and against the parameters."""
 
     k_n_per_m: ArrayLike
     omega_rad_s: ArrayLike
@@ -88,8 +88,8 @@ class Inputs:
 class KCurve:
     """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them.
 
-    ``k_n_per_m`` is one curve ``(levels,)``, or many ``(*rows, levels)`` for questions of shape ``(*rows, *inner)``
-    with ``inner`` axes of their own.
+    ``k_n_per_m`` is one curve ``(levels,)``, or one per row ``(*rows, levels)``, called with φ of shape ``(*rows,
+    *inner)`` that has ``inner`` further axes.
     """
 
     phi: Array
@@ -110,7 +110,7 @@ class KCurve:
 
 @dataclass(frozen=True)
 class Footing:
-    """Where the legs hold: depths [m] (2R - h where they never do), steady and on virgin ground."""
+    """Where the ground holds the legs: depths [m] (2R - h where it never does), steady and on virgin ground."""
 
     depth: Array
     walking: Bool
@@ -135,7 +135,7 @@ class Walker:
         return self.observe(inputs, params, self.footing(inputs, params))
 
     def footing(self, inputs: Inputs, params: Params = ()) -> Footing:
-        """Solve the force balance. Arrays have the shape of what it depends on."""
+        """Solve the force balance. Arrays have the broadcast shape of the inputs that it depends on."""
         depth, walking = self._first_crossing(inputs, params, first_step=False)
         if not self.remembers:
             return Footing(depth, walking, depth, walking)
@@ -158,7 +158,7 @@ class Walker:
         return Prediction(*columns)
 
     def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool, one_leg: bool = False) -> Chain:
-        """The chain at depths ``(..., depths)``: everything else gets depth as a new last axis."""
+        """The chain at depths ``(..., depths)``; all other quantities get a new last axis for the depth."""
         k = _column(inputs.k_n_per_m)
         chain = Chain(
             robot=self.robot,
@@ -180,11 +180,11 @@ class Walker:
         return through(chain, list(zip(self.effects, values, strict=True)))
 
     def margin(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Array:
-        """Force given minus force needed [N] at depths of the inputs' shape."""
+        """Force of the ground minus load [N] at depths of the inputs' shape."""
         return _flat(self.chain(inputs, params, depth[..., None], first_step=first_step).margin)
 
     def sigma_phi(self, inputs: Inputs, params: Params) -> Array:
-        """Standard deviation of φ along the track that effects ask for [1]."""
+        """Standard deviation of φ along the track, as set by effects [1]."""
         return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
 
     def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
@@ -201,7 +201,7 @@ class Walker:
             depth = _secant(low, high, margin_low, margin_high)
             here = self.margin(inputs, params, depth, first_step=first_step)
             above = here >= 0
-            # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
+            # Illinois rule: halve the margin of the retained end, so that it is not retained for ever.
             margin_low, margin_high = (
                 np.where(above, margin_low * 0.5, here),
                 np.where(above, here, margin_high * 0.5),
@@ -216,16 +216,16 @@ class Walker:
     def _on_a_rise(
         self, inputs: Inputs, params: Params, grid: Array, margin: Array, peak: Ints, *, first_step: bool
     ) -> tuple[Bool, Array]:
-        """Whether the margin reaches 0 between two depths of the grid on its way up to a peak, and at which depth.
+        """Whether the margin reaches 0 between two grid depths as it rises to a peak, and at which depth.
 
-        The rise before the peak is prolonged to where it would reach 0: the margin there says whether it still rises.
+        The rise before the peak is extrapolated to 0; the margin at that depth shows whether it still rises there.
         """
         before = np.maximum(peak - 1, 1)
         low, far = grid[before - 1], grid[np.minimum(peak + 1, len(grid) - 1)]
         margin_low = np.take_along_axis(margin, (before - 1)[..., None], axis=-1)[..., 0]
         depth, here = grid[before], np.take_along_axis(margin, before[..., None], axis=-1)[..., 0]
         for _ in range(RISES):
-            beyond = _prolonged(low, depth, margin_low, here)
+            beyond = _extrapolated(low, depth, margin_low, here)
             goes_on = (np.abs(here) >= HELD_N) & (beyond <= far)
             low, margin_low = np.where(goes_on, depth, low), np.where(goes_on, here, margin_low)
             depth = np.where(goes_on, beyond, depth)
@@ -233,7 +233,7 @@ class Walker:
         return (peak > 0) & (np.abs(here) < HELD_N), depth
 
     def depths(self, clock: Clock) -> Array:
-        """Depths at which the margin is tried, among them both sides of its jumps."""
+        """Depths at which the margin is evaluated, including both sides of its jumps."""
         grid = depth_grid(self.robot)
         if not any(effect.clocked for effect in self.effects):
             return grid
@@ -242,12 +242,12 @@ class Walker:
         return np.unique(np.concatenate([grid, jumps - JUMP_M, beyond.ravel()]))
 
     def slow_begin_m(self, clock: Clock) -> Array:
-        """Depth at which the slow phase begins [m]; the deepest where that is not on the way down."""
+        """Depth at which the slow phase begins [m]; 2R - h where that is not on the way down."""
         angle = np.asarray(clock.slow_begin_rad) + self.robot.leg_mount_rad
         return self._depth_at(np.minimum(angle, 0.0))
 
     def slow_end_m(self, clock: Clock) -> Array:
-        """Depth at which it ends [m]; the deepest where that is not on the way up."""
+        """Depth at which it ends [m]; 2R - h where that is not on the way up."""
         return self._depth_at(np.maximum(np.asarray(clock.slow_end_rad) + self.robot.leg_mount_rad, 0.0))
 
     def _depth_at(self, angle_rad: Array) -> Array:
@@ -255,7 +255,7 @@ class Walker:
 
 
 def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Bool) -> dict[str, Array]:
-    """What is seen of a robot by the name of the ``Observable``: on its way, and in its first step on virgin ground."""
+    """The observables by name, from the chains of the steady gait and of the first step on virgin ground."""
     return {
         "speed": np.where(walking, steady.speed, steady.v_swim),
         "lift": np.where(walking, deepest_m(steady.robot) - steady.depth, 0.0),
@@ -271,7 +271,7 @@ def depth_grid(robot: Robot, count: int = DEPTHS) -> Array:
 
 
 def _highest_peak(margin: Array, holds: Bool) -> Ints:
-    """Index of the highest local maximum below 0 before the ground first holds, 0 where there is none."""
+    """Index of the highest local maximum (below 0) before the ground first holds, 0 where there is none."""
     inner = margin[..., 1:-1]
     peak = (inner > margin[..., :-2]) & (inner >= margin[..., 2:])
     peak &= ~np.logical_or.accumulate(holds, axis=-1)[..., 1:-1]
@@ -279,8 +279,8 @@ def _highest_peak(margin: Array, holds: Bool) -> Ints:
     return np.where(peak.any(axis=-1), best + 1, 0)
 
 
-def _prolonged(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
-    """Where a line through two margins reaches 0; infinitely far if it does not rise."""
+def _extrapolated(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+    """Depth at which a line through two margins reaches 0; infinite if it does not rise."""
     rise = margin_high - margin_low
     share = np.divide(-margin_low, rise, out=np.full_like(rise, np.inf), where=rise > 0)
     return np.where(rise > 0, low + share * np.maximum(high - low, JUMP_M), np.inf)
@@ -294,7 +294,7 @@ def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> A
 
 def _column(value: ArrayLike) -> Array:
     column = np.asarray(value, dtype=np.float64)[..., None]
-    column.flags.writeable = False  # it is the trials' own
+    column.flags.writeable = False  # it may be an array of the trials
     return column
 
 

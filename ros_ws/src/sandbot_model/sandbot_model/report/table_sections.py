@@ -137,11 +137,11 @@ def _estimate(fit: Fit, name: str) -> str:
     if name not in fit.parameters:
         return "–"
     flag = " (at its bound)" if name in fit.at_bounds else " (implausible)" if name in fit.implausible else ""
-    return fit.told(name).replace("-", "−") + flag
+    return fit.parameter_text(name).replace("-", "−") + flag
 
 
 def _stiffness(fit: Fit, level: int) -> str:
-    return fit.said(float(fit.k_n_per_m[level]), float(fit.k_stderr_n_per_m[level]))
+    return fit.value_text(float(fit.k_n_per_m[level]), float(fit.k_stderr_n_per_m[level]))
 
 
 def next_trials(discovery: Discovery) -> list[Section]:

@@ -104,6 +104,6 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
     }
     for full, estimate in fit.parameters.items():
         owner, _, parameter = full.rpartition(".")
-        told = fit.said(*estimate)
+        told = fit.value_text(*estimate)
         if owner == name and told != UNDETERMINED:
             yield f"{parameter} = {told}{known[parameter]}"

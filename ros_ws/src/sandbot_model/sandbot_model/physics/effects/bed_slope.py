@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class BedSlope(Effect):
-    """Gravity across the bed falls a little, and its part along the track makes the legs creep."""
+    """Gravity normal to the bed is slightly lower, and its component along the track makes the legs creep."""
 
     identifier = "bed_slope"
     stage = "balance"
@@ -24,7 +24,7 @@ class BedSlope(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         robot = chain.robot
         downhill = robot.legs_per_tripod * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
         chain.gravity = chain.gravity * np.cos(p["chi_rad"])

@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class BellyCoast(Effect):
-    """It leaves the leg circle at the mean rate of the stance; friction stops it, or the next leg that stands."""
+    """It starts at the speed of the stance's mean leg rate; friction stops it, or the next leg that stands."""
 
     identifier = "belly_coast"
     stage = "step"
@@ -18,7 +18,7 @@ class BellyCoast(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         robot = chain.robot
         below = np.maximum(chain.depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
         touch_down = 2 * chain.stance / chain.standing_time * below

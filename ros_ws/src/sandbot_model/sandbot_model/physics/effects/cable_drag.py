@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class CableDrag(Effect):
-    """The leg yields in proportion to the drag over the horizontal force the ground can give."""
+    """The leg yields in proportion to the drag over the horizontal force that the ground can give."""
 
     identifier = "cable_drag"
     stage = "step"
@@ -21,6 +21,6 @@ class CableDrag(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         grip = np.clip(1 - p["f_c_n"] / horizontal_force(chain), 0.0, 1.0)
         chain.creep(grip)

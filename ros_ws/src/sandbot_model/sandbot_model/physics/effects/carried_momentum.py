@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class CarriedMomentum(Effect):
-    """The ground need only make up the difference."""
+    """The ground has to supply only the missing speed."""
 
     identifier = "carried_momentum"
     stage = "balance"
@@ -21,7 +21,7 @@ class CarriedMomentum(Effect):
             0.0,
             1.0,
             0.5,
-            "share of the mean speed still there at the next step",
+            "share of the mean speed that remains at the next step",
             neutral=0.0,
             hard_low=0.0,
             hard_high=1.5,
@@ -30,6 +30,6 @@ class CarriedMomentum(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         if not chain.first_step:
             chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * chain.speed, 0.0)

@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class CraterRefill(Effect):
-    """Craters refill in τ; at high ω a leg finds one z_0 exp(-π/ωτ) deep and meets ground that much later."""
+    """Craters refill within τ; at high ω one is still z_0 exp(-π/ωτ) deep and the leg meets ground that much later."""
 
     identifier = "crater_refill"
     stage = "strength"
@@ -23,7 +23,7 @@ class CraterRefill(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, 1.2)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))

@@ -25,7 +25,7 @@ class Dilation(Effect):
             0.3,
             1.0,
             0.6,
-            "share of the way that disturbing takes φ towards the one it leaves alone",
+            "fraction of the way to phi_c by which disturbance changes φ",
             neutral=0.0,
             hard_low=0.0,
             hard_high=1.2,
@@ -36,7 +36,7 @@ class Dilation(Effect):
             0.59,
             0.61,
             0.60,
-            "volume fraction that disturbing leaves alone",
+            "volume fraction that disturbance does not change",
             hard_low=0.55,
             hard_high=0.64,
         ),
@@ -44,9 +44,9 @@ class Dilation(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, S_C)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)
-            # As a difference of the fitted curve, so that it moves with the k being tried.
+            # A difference of the fitted curve, so that it applies to the k being tried.
             chain.k = chain.k + share * (chain.k_of_phi(phi_d) - chain.k_of_phi(chain.phi))

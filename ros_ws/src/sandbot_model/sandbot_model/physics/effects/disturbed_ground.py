@@ -32,8 +32,8 @@ class DisturbedGround(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, p["s_c"])
-            # Disturbing loosens: ground that is weaker than k_L already stays as it is.
+            # Disturbance only loosens: ground that is already weaker than k_L keeps its k.
             chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

@@ -20,10 +20,10 @@ class ExactLegArc(Effect):
     seen_in = "v, L; d > 3.5 cm"
 
     def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
-        """Set what the formula says."""
+        """Apply the formula."""
         robot = chain.robot
         radius = robot.leg_radius_m
-        # The ground is met at z, the leg stands as its depth says.
+        # The ground begins at z; the leg's posture follows from its depth.
         z = np.clip(chain.penetration, 1e-9, 2 * radius)
         psi_max = np.arccos(np.clip(1 - z / radius, -1.0, 1.0))
         tip = np.arccos(np.clip((chain.depth + robot.axle_height_m) / radius - 1, -1.0, 1.0)) + robot.arc_excess_rad

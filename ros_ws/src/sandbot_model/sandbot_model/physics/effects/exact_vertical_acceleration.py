@@ -5,7 +5,7 @@ from sandbot_model.physics.effect import Effect, Values
 
 
 class ExactVerticalAcceleration(Effect):
-    """The body leaves along the leg circle: sin θ = s/2R of Rω/Δt is vertical."""
+    """The body moves along the leg circle: of the acceleration Rω/Δt, the share sin θ = s/2R is vertical."""
 
     identifier = "exact_vertical_acceleration"
     stage = "balance"
@@ -14,5 +14,5 @@ class ExactVerticalAcceleration(Effect):
     seen_in = "v, L at high omega"
 
     def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
-        """Set what the formula says."""
+        """Apply the formula."""
         chain.lift_ratio = chain.lift_ratio * chain.chord / (2 * chain.robot.leg_radius_m)

@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class LegSlip(Effect):
-    """The share of the motion lost falls with depth squared; it shows in the step and in the peak speed."""
+    """The share of motion lost falls with the square of depth; it lowers the step and the peak speed alike."""
 
     identifier = "leg_slip"
     stage = "step"
@@ -21,7 +21,7 @@ class LegSlip(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         depth = np.maximum(chain.depth, 1e-6)
         grip = np.clip(1 - p["sigma"] * (chain.robot.stiffness_depth_m / depth) ** 2, 0.0, 1.0)
         chain.creep(grip)

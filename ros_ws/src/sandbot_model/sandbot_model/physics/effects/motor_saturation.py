@@ -8,10 +8,10 @@ from sandbot_model.physics.gait import duty
 
 
 class MotorSaturation(Effect):
-    """Legs turn slower than told, the more so the faster they are told to: each phase of the gait by its own rate.
+    """Legs turn slower than commanded, the more so the higher the commanded rate: each phase of the gait by its own.
 
-    The phases take longer, so ω falls; the fast one falls behind most, so β rises and β_swing falls. The peak of v_x(t)
-    is of the phase in which a leg usually stands. Where legs turn at one rate this is ω → ω/√(1 + (ω/ω_s)²).
+    The phases take longer, so ω falls; the fast one lags most, so β rises and β_swing falls. The peak of v_x(t) is that
+    of the phase in which a leg usually stands. Where legs turn at one rate this is ω → ω/√(1 + (ω/ω_s)²).
     """
 
     identifier = "motor_saturation"
@@ -31,7 +31,7 @@ class MotorSaturation(Effect):
             30.0,
             300.0,
             70.0,
-            "leg frequency at which the motors give out",
+            "leg frequency at which the motors saturate",
             hard_low=5.0,
             hard_high=1000.0,
             symbol="omega_s",
@@ -39,7 +39,7 @@ class MotorSaturation(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         slow, swing = chain.slow_phase_ratio, chain.swing_ratio
         slow_lag, swing_lag = (np.sqrt(1 + (ratio * chain.omega / p["omega_s_rad_s"]) ** 2) for ratio in (slow, swing))
         share = duty(slow, swing)

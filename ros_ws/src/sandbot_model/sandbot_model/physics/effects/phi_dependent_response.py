@@ -1,4 +1,4 @@
-"""Looser ground takes the leg up in another time."""
+"""How long it takes to bring the body to leg speed depends on the volume fraction."""
 
 import numpy as np
 
@@ -17,5 +17,5 @@ class PhiDependentResponse(Effect):
     parameters = (Parameter("b", "1", -0.5, 1.0, 0.3, "change of Δt over 0.05 of φ", neutral=0.0, hard_low=-0.95),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         chain.delta_t = chain.delta_t * np.maximum(1 + p["b"] * (chain.phi - 0.61) / 0.05, 0.05)

@@ -9,7 +9,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 class PhiNonuniformity(Effect):
     """The average over k(φ) is taken after the chain (see ``likelihood``).
 
-    Every step takes half a period, so speed is a plain average; the lift is the middle step's, the peak the best one's.
+    Every step takes half a period, so speed is a plain average; lift is the median step's, peak the best step's.
     """
 
     identifier = "phi_nonuniformity"
@@ -24,5 +24,5 @@ class PhiNonuniformity(Effect):
     along_the_track = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         chain.sigma_phi = np.hypot(chain.sigma_phi, p["sigma_phi"])

@@ -7,23 +7,23 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.gait import SEEN_RAD
 
 NEVER = 1e3
-"""A rate at which no ground holds."""
+"""A leg rate, over the mean, at which no ground holds."""
 
 
 class SlowPhaseSpeed(Effect):
-    """The body is brought to βRω, β of the gait, and reaches ρRω while the leg stands.
+    """The body is brought to βRω, with the gait's β, and reaches at most ρRω while the leg stands.
 
-    No step takes longer than half a period, when the next leg takes hold (``Chain.longest_step``; HGCS).
-    Before its slow phase begins, at the depth d_slow, a leg turns at the swing rate: where the ground holds only at the
-    slow one the step is the chord of the slow phase, however strong the ground. In the first step no leg is there: it
-    sets out as its slow phase begins.
+    No step takes longer than half a period, after which the next leg takes hold (``Chain.longest_step``; HGCS).
+    Above d_slow, the depth at which its slow phase begins, a leg turns at the swing rate. Where the ground holds only
+    at the slow rate, the step is the chord of the slow phase, however strong the ground. In the first step no leg is
+    above d_slow: it starts as its slow phase begins.
 
-    A stance that lies within the slow phase, deeper than where that begins and ends, has its peak at β; one that
-    outlasts it, at the swing rate, there where the slow phase is left: β_swing cos θ, all of which is seen from 0.1 rad
-    on. ρ is that of the usual stance: of one within a slow phase that reaches beyond 0.375 rad to either side, half a
-    long stance, and of one that outlasts a narrower one (SGCS on SandBot's own mount is slow until θ = 0.05 rad: ρ =
-    1.5). The other has its share of that. The peak of v_x(t) tells which; where no step is cut short, the mean speed
-    can't (Δt → βΔt).
+    A stance within the slow phase (deeper than d_slow and d_end) has its peak speed at β. One that outlasts the slow
+    phase has it at the swing rate, right after the slow phase: β_swing cos θ, fully seen once the stance extends
+    0.1 rad further. ρ is defined for the usual stance: within the slow phase if that reaches beyond 0.375 rad (half a
+    long stance) to either side, else one that outlasts it (on SandBot's own mount SGCS is slow until θ = 0.05 rad:
+    ρ = 1.5). The other kind follows from the ratio of the rates. The peak of v_x(t) tells the two apart; the mean speed
+    can't where no step is cut short (Δt → βΔt).
     """
 
     identifier = "slow_phase_speed"
@@ -44,7 +44,7 @@ class SlowPhaseSpeed(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         swing = NEVER if chain.first_step else chain.swing_ratio
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
         faster = np.maximum(chain.swing_ratio * np.cos(chain.slow_reach) / chain.slow_phase_ratio, 1.0)

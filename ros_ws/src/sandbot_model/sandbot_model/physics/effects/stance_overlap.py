@@ -28,5 +28,5 @@ class StanceOverlap(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         chain.kept = chain.kept * (1 - p["eta"])

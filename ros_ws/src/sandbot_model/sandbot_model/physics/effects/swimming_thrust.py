@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class SwimmingThrust(Effect):
-    """Each cycle advances by A/ω², never faster than the legs allow; it takes the place of a constant."""
+    """The advance per cycle falls as 1/ω², limited by the legs' speed; this replaces the constant v_swim."""
 
     identifier = "swimming_thrust"
     stage = "speed"
@@ -18,5 +18,5 @@ class SwimmingThrust(Effect):
     replaces = ("v_swim_m_s",)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Apply the formula."""
         chain.v_swim = np.minimum(p["thrust_m_s2"] / chain.omega, chain.leg_speed / np.pi)

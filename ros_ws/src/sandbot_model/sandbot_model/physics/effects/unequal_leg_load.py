@@ -20,9 +20,9 @@ class UnequalLegLoad(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says; a leg pressed alone shares its load with none."""
+        """Apply the formula; a leg pressed alone shares its load with no other."""
         if chain.one_leg:
             return
         middle = chain.penetration * (1 + p["x"])
-        # Exactly at the deepest depth the chain ends anyway; a margin keeps x = 0 the base model to the last bit.
+        # The depths end at 2R - h; the tolerance keeps x = 0 identical to the base model.
         chain.k = np.where(middle > deepest_m(chain.robot) * (1 + 1e-12), 0.0, chain.k)
