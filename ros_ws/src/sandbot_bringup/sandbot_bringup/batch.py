@@ -24,7 +24,7 @@ from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate
 from sandbot_lab.spoiler import check_jitter
 from sandbot_lab.stage import LED_ON_S
-from sandbot_lab.world import World, draw_beside, draw_world, null_world, read_world, write_world
+from sandbot_lab.world import World, draw_additional, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.period import PeriodMeans
@@ -64,7 +64,7 @@ def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: 
     """
     asked = read_world(path) if path is not None else None
     if hide is not None:
-        asked = draw_world(hide) if asked is None else draw_beside(asked, hide)
+        asked = draw_world(hide) if asked is None else draw_additional(asked, hide)
     if not folder.truth.exists():
         if folder.plan_file.exists():
             raise InputError(

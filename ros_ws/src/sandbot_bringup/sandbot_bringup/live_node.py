@@ -23,7 +23,7 @@ from sandbot_bringup.queue import Queue
 from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
-from sandbot_common.dead_ports import number_of_its_own
+from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
 from sandbot_common.node import start_ros, stop_signals, use_shared_memory
 from sandbot_common.process import real_time
@@ -60,7 +60,7 @@ def run_live(
         operator: Operator | None = None
         try:
             domain = rclpy.get_default_context().get_domain_id()
-            with real_time(PRIORITY, inherited=True), number_of_its_own(domain):
+            with real_time(PRIORITY, inherited=True), fresh_participant_number(domain):
                 operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.

@@ -1,4 +1,4 @@
-"""How well a trial is measured: the section ``accuracy`` of cameras.yaml, beside the cameras whose it is."""
+"""How well a trial is measured: the section ``accuracy`` of cameras.yaml, next to the cameras it describes."""
 
 import dataclasses
 from collections.abc import Iterable
@@ -25,12 +25,12 @@ def _usual(default: float, unit: str, what: str) -> Any:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Two things of each observable that its replicates can't show, or don't where there are none.
+    """Per observable, what its replicates can't show: the systematic error, and the usual scatter where there are none.
 
-    An error that all replicates share, a constant and a share of the value: mean speed is a distance over a time and
-    has none to speak of; the rise and the steepest slope of a folded curve have, as
-    tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth. And the usual standard deviation of one trial,
-    which weighs observables against each other where nothing was replicated.
+    The systematic error is what all replicates share, a constant and a fraction of the value. It is negligible for
+    mean speed, a distance over a time, but not for the rise and the steepest slope of a folded curve, for which
+    tests/unit/sandbot_tracking/test_trial.py bounds it on rendered ground truth. The usual standard deviation of one
+    trial weights the observables against each other where nothing was replicated.
     """
 
     speed_m_s: float = _constant(0.0, "m/s", "mean speed")
@@ -52,15 +52,15 @@ class Accuracy:
 
 
 USUAL = Accuracy()
-"""That of the trackway's own cameras."""
+"""The accuracy of the trackway's own cameras."""
 
 
 def accuracy_from_mapping(mapping: Any, where: str) -> Accuracy:
-    """The accuracy of a mapping; what it leaves out is usual. ``where`` opens every error line. Raises InputError."""
+    """The accuracy in a mapping, by default ``USUAL``'s. ``where`` opens every error line. Raises InputError."""
     return from_mapping(Accuracy, mapping, f"{where}: {SECTION}")
 
 
 def worst(several: Iterable[Accuracy]) -> Accuracy | None:
-    """What holds for trials of all of them; None of none."""
+    """An accuracy that holds for all of them: the largest of each error; None if there are none."""
     values = [dataclasses.astuple(accuracy) for accuracy in several]
     return Accuracy(*map(max, zip(*values, strict=True))) if values else None
