@@ -32,8 +32,8 @@ class Neighbours:
         known = self._known.get(who)
         if known is not None and not known.fault:
             return process in ("", self._names[who])
-        if (one := Neighbour.of(process)) is not None:
-            self._known[who], self._names[who], self._starved_s[who] = one, process, one.starved_s
+        if (neighbour := Neighbour.of(process)) is not None:
+            self._known[who], self._names[who], self._starved_s[who] = neighbour, process, neighbour.starved_s
         return True
 
     def forget(self, who: str) -> None:
@@ -43,12 +43,12 @@ class Neighbours:
 
     def fault_of(self, who: str, now_s: float) -> str:
         """What happened to one node. Only this one is queried, as a clock checks at every step."""
-        if (one := self._known.get(who)) is None:
+        if (neighbour := self._known.get(who)) is None:
             return ""
         asked, asked_s, fault = self._asked.get(who, (None, -math.inf, ""))
-        if asked is not one or now_s - asked_s >= LOOK_S:
-            fault = one.fault
-            self._asked[who] = one, now_s, fault
+        if asked is not neighbour or now_s - asked_s >= LOOK_S:
+            fault = neighbour.fault
+            self._asked[who] = neighbour, now_s, fault
         return fault
 
     def look(self, now_s: float) -> Mapping[str, float]:
@@ -56,6 +56,6 @@ class Neighbours:
         if now_s - self._looked_s < LOOK_S:
             return {}
         self._looked_s = now_s
-        self.faults = {who: fault for who, one in self._known.items() if (fault := one.fault)}
-        before, self._starved_s = self._starved_s, {who: one.starved_s for who, one in self._known.items()}
+        self.faults = {who: fault for who, neighbour in self._known.items() if (fault := neighbour.fault)}
+        before, self._starved_s = self._starved_s, {who: known.starved_s for who, known in self._known.items()}
         return {who: max(total_s - before[who], 0.0) for who, total_s in self._starved_s.items()}
