@@ -160,7 +160,7 @@ def test_what_is_run_again_is_chosen_by_who_has_the_folder(tmp_path, monkeypatch
 
     def not_ok(folder):
         handle = os.open(folder.path, os.O_RDONLY)
-        alone.append(not folders._locked(handle))
+        alone.append(not folders._lock(handle))
         os.close(handle)
         return {"phi0.6": "gone meanwhile"}
 

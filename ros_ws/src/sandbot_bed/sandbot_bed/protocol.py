@@ -38,7 +38,7 @@ class ProtocolParameters:
     pulse_level: float = parameter(1.0, doc="blower level of a pulse", low=0.01, high=1)
     tolerance: float = parameter(0.001, doc="largest |φ − target| accepted", low=1e-5, high=0.05)
     average_s: float = parameter(0.5, unit="s", doc="last part of a rest in which heights are averaged", low=0, high=60)
-    min_readings: int = parameter(5, doc="heights averaged at least", low=2, high=10000)
+    min_readings: int = parameter(5, doc="fewest heights averaged", low=2, high=10000)
     max_pulses: int = parameter(500, doc="pulses after which a preparation fails", low=1, high=100000)
     max_refluidised: int = parameter(5, doc="overshoots after which a preparation fails", low=0, high=1000)
     overrun_s: float = parameter(2.0, unit="s", doc="longest time over plan in any stage", low=0.01, high=600)

@@ -68,8 +68,7 @@ def decide(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), cre
     done = len(trials) - len(folder.missing(trials))
     known = {"planned": len(trials), "finished": done, "ok": _count_ok(folder, crew)}
     entries = looks_of(folder)
-    valid = (entry for entry in reversed(entries) if _is_current(entry, known) and not _budget_has_grown(entry, plan))
-    entry = next(valid, None)
+    entry = next((e for e in reversed(entries) if _is_current(e, known) and not _budget_has_grown(e, plan)), None)
     if entry is None:
         entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
         remove_torn_line(folder.looks)
@@ -150,9 +149,7 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
 
 
 def seconds(plan: Plan, folder: CampaignFolder) -> Any:
-    """The cost of a trial at (φ, ω) [s], as a function: its walk, and the bed's preparation, interpolated over φ from
-    the medians so far.
-    """
+    """The cost of a trial at (φ, ω) [s]: its walk, and the bed's preparation, interpolated over φ from past medians."""
     beds: dict[float, list[float]] = {}
     for trial in trials_of(plan):
         if not folder.missing([trial]) and (info := metadata.read(folder.bag(trial))) is not None:

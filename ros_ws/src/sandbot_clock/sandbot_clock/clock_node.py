@@ -40,7 +40,7 @@ from sandbot_common.timer import Timer, watched
 # Long enough to hear whether a bed's air is on before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
 _CATCH_UP = 10
-"""The most periods that one set-point makes up for; a longer delay slows the gait down (decision 16)."""
+"""The most periods that one set-point makes up for; a tighter limit would change the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
 _SCHEDULE_PRIORITY, _PRIORITY = 20, 10
 

@@ -15,8 +15,8 @@ def _constant(default: float, unit: str, what: str) -> Any:
     return parameter(default, unit=unit, doc=f"{what}: constant error that all replicates share", low=0.0, high=1.0)
 
 
-def _share(default: float, what: str) -> Any:
-    return parameter(default, doc=f"{what}: error that all replicates share, as a share of it", low=0.0, high=1.0)
+def _relative(default: float, what: str) -> Any:
+    return parameter(default, doc=f"{what}: relative error that all replicates share", low=0.0, high=1.0)
 
 
 def _usual(default: float, unit: str, what: str) -> Any:
@@ -34,21 +34,21 @@ class Accuracy:
     """
 
     speed_m_s: float = _constant(0.0, "m/s", "mean speed")
-    speed_share: float = _share(0.0, "mean speed")
+    speed_share: float = _relative(0.0, "mean speed")
     speed_sd_m_s: float = _usual(5e-3, "m/s", "mean speed")
     lift_m: float = _constant(1e-4, "m", "lift")
-    lift_share: float = _share(0.0, "lift")
+    lift_share: float = _relative(0.0, "lift")
     lift_sd_m: float = _usual(5e-4, "m", "lift")
     peak_speed_m_s: float = _constant(0.0, "m/s", "peak speed")
-    peak_speed_share: float = _share(0.015, "peak speed")
+    peak_speed_share: float = _relative(0.015, "peak speed")
     peak_speed_sd_m_s: float = _usual(1e-2, "m/s", "peak speed")
     first_step_m: float = _constant(3e-4, "m", "first step")
-    first_step_share: float = _share(0.0, "first step")
+    first_step_share: float = _relative(0.0, "first step")
     first_step_sd_m: float = _usual(1.5e-3, "m", "first step")
     lift_zero_m: float = parameter(
-        6e-4, unit="m", doc="sd of the zero of the lift, one for all trials: a grain, evenly spread", low=1e-6, high=0.1
+        6e-4, unit="m", doc="sd of the lift's zero, common to all trials: a grain, uniform", low=1e-6, high=0.1
     )
-    speed_scale: float = parameter(0.01, doc="sd of the scale along the track, one for all trials", low=1e-6, high=1.0)
+    speed_scale: float = parameter(0.01, doc="sd of the track's scale, common to all trials", low=1e-6, high=1.0)
 
 
 USUAL = Accuracy()

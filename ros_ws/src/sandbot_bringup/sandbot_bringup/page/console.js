@@ -384,8 +384,8 @@ function lost() {
 }
 
 /**
- * Asks again once it is answered: what came is no older than the question, a slow line brings less and not later, and
- * of the six connections that a browser has for a host none is kept from STOP, however many pages are open.
+ * Asks again once it is answered: no state is older than its request, a slow line brings fewer states and not later
+ * ones, and of the six connections that a browser has per host one is always free for STOP, however many pages are open.
  */
 async function keepHearing() {
   for (;;) {
