@@ -98,11 +98,11 @@ class Beside:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
 
-        from sandbot_common.dead_ports import number_of_its_own
+        from sandbot_common.dead_ports import fresh_participant_number
 
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
-        with number_of_its_own(domain):
+        with fresh_participant_number(domain):
             self.node = rclpy.create_node("beside", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)

@@ -26,7 +26,7 @@ from sandbot_bringup.config import config_folder
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_common import messages, topics
 from sandbot_common.cli import INTERRUPTED
-from sandbot_common.dead_ports import number_of_its_own
+from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, write_text
 from sandbot_common.node import Stop, stop_signals, subscription, use_shared_memory
@@ -237,7 +237,7 @@ class Watch:
     def __enter__(self) -> "Watch":
         # Ctrl-C is ours: what was started is to be ended.
         rclpy.init(args=["demo", *in_namespace(self._namespace)], signal_handler_options=SignalHandlerOptions.NO)
-        with number_of_its_own(rclpy.get_default_context().get_domain_id()):
+        with fresh_participant_number(rclpy.get_default_context().get_domain_id()):
             self._node = Node("demo")
         self._plot = SpeedPlot()
         subscription(self._node, topics.TRIAL, self._on_trial)

@@ -153,7 +153,7 @@ def all_topics() -> str:
 
     rows = [
         (f"`{topic.name}`", f"`{topic.type}`", "latched" if topic.latched else "–")
-        for topic in (*topics.ALL, *topics.BESIDE)
+        for topic in (*topics.ALL, *topics.UNRECORDED)
     ]
     return f"{MADE}# Topics\n\n{table(('topic', 'type', 'QoS'), list(dict.fromkeys(rows)))}\n"
 

@@ -12,7 +12,7 @@ from sandbot_bringup.console import Console
 from sandbot_bringup.console_page import serve
 from sandbot_bringup.plan import plan_of
 from sandbot_bringup.queue import Queue
-from sandbot_bringup.until import begun
+from sandbot_bringup.until import with_start
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -49,7 +49,7 @@ class Watched:
     look = None
 
     def snapshot(self):
-        plan = begun(plan_of(PLAN, "plan"))
+        plan = with_start(plan_of(PLAN, "plan"))
         queue = Queue(plan, ())
         queue.grow(plan_of({**PLAN, "extra_trials": [{"phi": 0.622, "omega_rad_s": 20, "because": WHY}]}, "plan"))
         rows = queue.rows()

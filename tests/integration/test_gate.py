@@ -30,7 +30,7 @@ def test_heights_too_rare_to_prepare_with_end_the_campaign(tmp_path, start, plan
     live = start("ros2", "run", "sandbot_bringup", "campaign", plan_of_one(bed=RARE), "--out", tmp_path / "live")
     assert live.wait(200) == 2
     (said,) = [line for line in live.lines if "/bed/height" in line]
-    assert "are needed; mend it, then start the campaign again to go on" in said
+    assert "are needed; fix it, then start the campaign again to go on" in said
     witness.stop()
     assert not Bag.open(tmp_path / "witness").columns("/bed/blower", "data")["data"].any()
     assert not list((tmp_path / "live" / "trials").glob("phi*"))
@@ -43,7 +43,7 @@ def test_trials_that_fail_alike_end_the_campaign(tmp_path, start, plan_of_one):
     assert live.wait(600) == 2
     (said,) = [line for line in live.lines if "in a row failed alike" in line]
     assert "target not reached after 1 pulses" in said
-    assert said.endswith("mend it, then start the campaign again to go on")
+    assert said.endswith("fix it, then start the campaign again to go on")
     # No more than those, and what a busy machine spoilt before them.
     assert ALIKE <= len(list((out / "trials" / ".partial").glob("phi*"))) < 3 * ALIKE
 
@@ -51,7 +51,7 @@ def test_trials_that_fail_alike_end_the_campaign(tmp_path, start, plan_of_one):
 def test_a_folder_has_one_live_campaign(tmp_path, start, plan_of_one):
     plan, folder = plan_of_one(), CampaignFolder(tmp_path / "live")
     folder.adopt(read_plan(plan), {})
-    with folder.alone():
+    with folder.locked():
         live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", folder.path)
         assert live.wait(200) == 2
     assert "another campaign is running into it" in live.lines[-1]

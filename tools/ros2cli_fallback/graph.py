@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from ros2cli_fallback.cover import Failure, Parser
-from sandbot_common.dead_ports import number_of_its_own
+from sandbot_common.dead_ports import fresh_participant_number
 
 T = TypeVar("T")
 
@@ -41,7 +41,7 @@ def node() -> Iterator[Node]:
     """A hidden node (its name begins with an underscore); Ctrl-C inside becomes KeyboardInterrupt, cleaned up."""
     pressed = _noting_ctrl_c()
     rclpy.init(args=[])
-    with number_of_its_own(rclpy.get_default_context().get_domain_id()):
+    with fresh_participant_number(rclpy.get_default_context().get_domain_id()):
         made = rclpy.create_node(f"_ros2cli_{os.getpid()}", start_parameter_services=False)
     try:
         yield made

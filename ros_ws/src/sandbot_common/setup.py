@@ -21,6 +21,6 @@ setup(
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",
-    description="What every room shares: input errors, command lines, typed parameters, node wiring, message builders.",
+    description="Shared by all packages: input errors, command lines, typed parameters, node wiring, message builders.",
     license="Apache-2.0",
 )

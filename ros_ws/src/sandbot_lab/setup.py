@@ -16,7 +16,7 @@ setup(
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",
-    description="The virtual lab: a time-domain ground truth that stands in for robot, bed and cameras.",
+    description="The virtual lab: a time-domain ground truth in place of robot, bed and cameras.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -9,7 +9,7 @@ from sandbot_bringup.plan import Plan
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_lab.film import Film
-from sandbot_lab.world import World, draw_beside, draw_world, null_world, write_world
+from sandbot_lab.world import World, draw_additional, draw_world, null_world, write_world
 
 GIVEN = World(delta_t_s=0.18, effects={"belly_coast": {"mu_b": 0.35}})
 
@@ -25,8 +25,8 @@ def test_a_seed_hides_an_effect_in_the_null_world_or_in_that_of_a_file(tmp_path,
     assert choose_world(folder, SANDBOT, None, None) == null_world()
     assert choose_world(folder, SANDBOT, None, 7) == draw_world(7)
     assert choose_world(folder, SANDBOT, file, None) == GIVEN
-    assert choose_world(folder, SANDBOT, file, 7) == draw_beside(GIVEN, 7)
-    assert len(draw_beside(GIVEN, 7).effects) == 2
+    assert choose_world(folder, SANDBOT, file, 7) == draw_additional(GIVEN, 7)
+    assert len(draw_additional(GIVEN, 7).effects) == 2
 
 
 def test_a_campaign_without_a_truth_is_of_another_ground(tmp_path):

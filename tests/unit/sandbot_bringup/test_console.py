@@ -342,7 +342,7 @@ def test_a_console_that_is_held_up_keeps_few_pictures_and_every_word_of_safety()
 def test_a_bed_that_says_nothing_does_not_end_the_console():
     one = object.__new__(ConsoleNode)
     one._lock, one._state = threading.Lock(), Console({})
-    show = one._shower(topics.BED_STATUS)
+    show = one._handler(topics.BED_STATUS)
     show(DiagnosticArray())
     show(messages.diagnostics(1, "bed", {"stage": "pulse"}))
     assert one._state.bed == {"stage": "pulse"}

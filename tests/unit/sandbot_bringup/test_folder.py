@@ -58,9 +58,14 @@ def test_one_campaign_at_a_time_runs_into_a_folder(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(folders, "PATIENCE_S", 0.1)
     folder, other = CampaignFolder(tmp_path), CampaignFolder(tmp_path / "other")
     other.adopt(PLAN, {})
-    with folder.alone(), other.alone(), pytest.raises(InputError, match="another campaign is running"), folder.alone():
+    with (
+        folder.locked(),
+        other.locked(),
+        pytest.raises(InputError, match="another campaign is running"),
+        folder.locked(),
+    ):
         pass
-    with folder.alone():
+    with folder.locked():
         pass
 
 
@@ -96,13 +101,13 @@ def test_only_bags_that_never_got_their_name_are_cleared(tmp_path: Path) -> None
     for one in (torn, *kept[:2]):
         one.mkdir(parents=True)
     kept[2].touch()
-    folder.clear_torn()
+    folder.remove_unfinished()
     assert not torn.exists()
     assert all(one.exists() for one in kept)
 
 
 def test_a_bag_is_set_aside_where_nothing_has_been_before(tmp_path: Path) -> None:
-    assert CampaignFolder(tmp_path).aside("phi0.6000_w08.000_r01").parent.is_dir()
+    assert CampaignFolder(tmp_path).partial_bag("phi0.6000_w08.000_r01").parent.is_dir()
 
 
 def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
@@ -155,7 +160,7 @@ def test_what_is_run_again_is_chosen_by_who_has_the_folder(tmp_path, monkeypatch
 
     def not_ok(folder):
         handle = os.open(folder.path, os.O_RDONLY)
-        alone.append(not folders._locked(handle))
+        alone.append(not folders._lock(handle))
         os.close(handle)
         return {"phi0.6": "gone meanwhile"}
 
@@ -230,6 +235,6 @@ def test_a_disk_that_takes_no_bag_is_one_line(tmp_path):
     folder = CampaignFolder(tmp_path)
     folder.trials.touch()
     with pytest.raises(InputError, match=f"{tmp_path}: can't be written: "):
-        folder.aside("one")
+        folder.partial_bag("one")
     with pytest.raises(InputError, match=f"{tmp_path}: can't be written: "):
         folder.set_aside({"one": "failed"})

@@ -38,11 +38,11 @@ def test_no_trial_begins_while_legs_say_that_they_move(hearing):
 
 def test_who_rests_or_died_in_the_middle_of_a_walk_does_not_say_that_he_moves(hearing):
     tell_legs(hearing, 8.0)
-    assert hearing.tells_motion
+    assert hearing.reports_motion
     hearing._listening.now_s += 2 * STEADY_S
-    assert not hearing.tells_motion
+    assert not hearing.reports_motion
     tell_legs(hearing, 0.0)
-    assert not hearing.tells_motion
+    assert not hearing.reports_motion
 
 
 def test_another_recorder_is_not_taken_for_our_own(hearing):
@@ -56,7 +56,7 @@ def test_another_recorder_is_not_taken_for_our_own(hearing):
     says(42, "ok")
     hearing.require_recorder()
     says(41, "ended: SIGINT", level=2)
-    assert hearing.told[RECORDER][:2] == (0, "ok")
+    assert hearing.statuses[RECORDER][:2] == (0, "ok")
     assert not hearing.fault()
     says(42, "ended: SIGTERM", level=2)
     assert hearing.fault() == "the recorder ended: SIGTERM"

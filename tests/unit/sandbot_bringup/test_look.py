@@ -37,7 +37,7 @@ def campaign(path, *, added, block):
             one._folder.adopt(one.queue.plan, {})
         return {"look": 1, "text": "", "stop": "" if block else "adequate", "next": block}
 
-    one._looked = looked
+    one._take_look = looked
     return one
 
 

@@ -113,7 +113,7 @@ def test_what_no_node_would_use_is_refused_with_what_it_takes(typed, needed):
     with pytest.raises(InputError) as refused:
         nodes.selected(own, given)
     name = typed.partition(":=")[0]
-    assert str(refused.value) == f"launch argument {name}: no node that is started uses it; for it give {needed}"
+    assert str(refused.value) == f"launch argument {name}: no started node uses it; it needs {needed}"
     # Control: what is said helps, and a default changes nothing, which the real launch gives for all.
     defaults = {one.name: one.default_text for one in own.arguments.values()}
     assert nodes.selected(own, defaults | given | nodes.parse_arguments(needed.split()))

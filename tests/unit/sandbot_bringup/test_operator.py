@@ -13,7 +13,7 @@ from sandbot_bringup import campaign_node, orders_node
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.hearing_node import Told
+from sandbot_bringup.hearing_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.node import Stop
@@ -56,7 +56,7 @@ class Orders:
 class Hearing:
     """A trackway at rest."""
 
-    told = {"tracker": Told(0, "ok")}
+    statuses = {"tracker": NodeStatus(0, "ok")}
 
     def forget_trial(self):
         pass
@@ -94,7 +94,7 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     one._orders.call = lambda name, word=None: begun.update({name: word})
     one._wait = lambda *_: False
     one._hearing = SimpleNamespace(
-        told=Hearing.told, bed_preparation="3", bed_stage="ready", bed_text="", phi=None, motion_start_ns=None
+        statuses=Hearing.statuses, bed_preparation="3", bed_stage="ready", bed_text="", phi=None, motion_start_ns=None
     )
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
@@ -132,13 +132,13 @@ def test_a_stop_is_heard_from_the_first_moment_and_holds_what_has_not_begun(doma
 
 def test_what_a_plan_says_of_the_bed_holds_for_its_own_campaign_alone():
     one = operator(plan=replace(PLAN, bed={"settle_s": 0.4, "average_s": 0.2}))
-    one._look_at_settings()
+    one._read_settings()
     one._set_up(TRIAL)
     set_up = LAUNCHED["bed"] | {"settle_s": 0.4, "average_s": 0.2, "target_phi": 0.605}
     assert one._orders.values["bed"] == set_up
     one._orders.values["bed"]["settle_s"] = 9.0
-    one._look_at_settings()  # the next trial's: what is launched is what was there before the first
-    one.leave_as_found()
+    one._read_settings()  # the next trial's: what is launched is what was there before the first
+    one.restore_settings()
     assert one._orders.values["bed"] == LAUNCHED["bed"]
     assert one._orders.values["clock"] == {"max_run_s": 30.0}
     told = json.loads(trial_message(one._plan, TRIAL, Robot(), 0, one._bed))

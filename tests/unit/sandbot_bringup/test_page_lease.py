@@ -92,7 +92,7 @@ def test_it_goes_on_while_a_page_looks_on_and_clock_or_bed_are_at_it(node, said,
     one = object.__new__(ConsoleNode)
     one._lock, one._state, one._watched_s = threading.Lock(), Console({}), time.monotonic() - page_s
     one._state.set_node(node, 0, "ok", said, time.monotonic())
-    assert one._goes_on() is goes_on
+    assert one._lease_needed() is goes_on
 
 
 def test_only_what_moves_or_blows_is_called_under_it():

@@ -41,7 +41,7 @@ def test_a_trials_seed_does_not_depend_on_the_others():
         ({"bed": {"tolerence": 1}}, "did you mean 'tolerance'"),
         ({"extra_trials": [{"phi": 0.6}]}, r"extra_trials\[0\]: missing key 'omega_rad_s'"),
         ({"name": None}, "name: None is not of type str"),
-        *(({"name": name}, "name: .* can't be that of a folder") for name in ("", "..", "../x", "/tmp/x", "a\nb")),
+        *(({"name": name}, "name: .* can't be the name of a folder") for name in ("", "..", "../x", "/tmp/x", "a\nb")),
     ],
 )
 def test_a_bad_plan_is_refused_in_one_line_that_names_key_and_value(change, message):

@@ -92,8 +92,8 @@ def test_an_added_condition_comes_last_with_a_gait_of_its_own_and_is_stored_in_t
     assert set(added[:2]) == {"phi0.6050_w10.000_SGCS_r01", "phi0.6050_w10.000_SGCS_r02"}
     assert added[2:] == ["phi0.6200_w08.000_r01"]
     trial = resumed.entries[added[0]].trial
-    assert read_plan(folder.plan_file).of(trial).gait == "SGCS"
-    assert PLAN.of(resumed.entries[added[2]].trial) == PLAN
+    assert read_plan(folder.plan_file).for_trial(trial).gait == "SGCS"
+    assert PLAN.for_trial(resumed.entries[added[2]].trial) == PLAN
 
 
 @pytest.mark.parametrize(

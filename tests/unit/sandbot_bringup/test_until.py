@@ -28,7 +28,7 @@ ASKED = {"phi": 0.6, "omega_rad_s": 16.0, "because": "a and b differ there by 2.
 
 def test_the_grid_says_where_trials_may_be_and_none_is_run_for_being_on_it():
     assert trials_of(plan()) == []
-    begun = until.begun(plan())
+    begun = until.with_start(plan())
     trials = trials_of(begun)
     conditions = {(one.phi, one.omega_rad_s) for one in trials}
     assert len(trials) == until.REPLICATES * len(conditions) < 3 * 12
@@ -38,12 +38,12 @@ def test_the_grid_says_where_trials_may_be_and_none_is_run_for_being_on_it():
 
 
 def test_it_begins_once():
-    begun = until.begun(plan())
-    assert until.begun(begun) == begun
+    begun = until.with_start(plan())
+    assert until.with_start(begun) == begun
 
 
 def test_what_the_plan_pins_is_run_first():
-    pinned = until.begun(plan(extra_trials=[{"phi": 0.61, "omega_rad_s": 12}]))
+    pinned = until.with_start(plan(extra_trials=[{"phi": 0.61, "omega_rad_s": 12}]))
     first = min(trials_of(pinned), key=lambda one: one.run_order)
     assert (first.phi, first.omega_rad_s) == (0.61, 12)
 
@@ -57,7 +57,7 @@ def test_what_the_plan_pins_is_run_first():
 )
 def test_what_can_give_no_verdict_is_refused(more, said):
     with pytest.raises(InputError, match=said):
-        until.begun(plan(**more))
+        until.with_start(plan(**more))
 
 
 @pytest.mark.parametrize(
@@ -81,55 +81,55 @@ def test_a_look_that_was_taken_is_not_taken_again(tmp_path, monkeypatch):
     """Whoever resumes decides alike."""
     looks = []
     monkeypatch.setattr(until, "_look", lambda *_: looks.append(1) or {"text": "so far", "stop": "", "next": [ASKED]})
-    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
-    grown, first = until.decided(begun, folder)
-    again, second = until.decided(begun, folder)
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan())
+    grown, first = until.decide(begun, folder)
+    again, second = until.decide(begun, folder)
     assert (grown, first) == (again, second)
     assert len(looks) == 1
     new = trials_of(grown)[len(trials_of(begun)) :]
     assert [(one.phi, one.omega_rad_s, one.because) for one in new] == [(0.6, 16.0, ASKED["because"])]
-    assert until.decided(grown, folder)[1]["look"] == 2
+    assert until.decide(grown, folder)[1]["look"] == 2
 
 
 def test_what_was_measured_since_is_looked_at(tmp_path, monkeypatch):
     """A failed trial that was repeated, say: the plan is the same, and more is known."""
     monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "", "next": [ASKED]})
-    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
-    assert until.decided(begun, folder)[1]["look"] == 1
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan())
+    assert until.decide(begun, folder)[1]["look"] == 1
     bag = folder.bag(trials_of(begun)[0])
     bag.mkdir(parents=True)
     metadata.write(bag, metadata.BagInfo())
-    assert until.decided(begun, folder)[1]["look"] == 2
+    assert until.decide(begun, folder)[1]["look"] == 2
 
 
 def test_what_stopped_for_its_budget_goes_on_with_a_larger_one(tmp_path, monkeypatch):
     looks = []
     spent = "the budget of 16 trials is used up"
     monkeypatch.setattr(until, "_look", lambda *_: looks.append(1) or {"text": spent, "stop": spent, "next": []})
-    folder, begun = CampaignFolder(tmp_path), until.begun(plan(budget=16))
-    assert until.decided(begun, folder)[1]["look"] == until.decided(begun, folder)[1]["look"] == 1
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan(budget=16))
+    assert until.decide(begun, folder)[1]["look"] == until.decide(begun, folder)[1]["look"] == 1
     monkeypatch.setattr(until, "_look", lambda *_: {"text": "on", "stop": "", "next": [ASKED]})
-    grown, entry = until.decided(replace(begun, budget=30), folder)
+    grown, entry = until.decide(replace(begun, budget=30), folder)
     assert (entry["look"], len(trials_of(grown))) == (2, 17)
-    assert until.decided(replace(begun, budget=30), folder)[1] == entry
+    assert until.decide(replace(begun, budget=30), folder)[1] == entry
 
 
 def test_a_trial_that_is_ok_since_is_looked_at(tmp_path, monkeypatch):
     """It had failed, and was run again: there are no more bags than before."""
     ok = [3]
-    monkeypatch.setattr(until, "_ok", lambda *_: ok[0])
+    monkeypatch.setattr(until, "_count_ok", lambda *_: ok[0])
     monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "enough", "next": []})
-    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
-    assert [until.decided(begun, folder)[1]["look"] for _ in range(2)] == [1, 1]
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan())
+    assert [until.decide(begun, folder)[1]["look"] for _ in range(2)] == [1, 1]
     ok[0] = 4
-    assert until.decided(begun, folder)[1]["look"] == 2
+    assert until.decide(begun, folder)[1]["look"] == 2
 
 
 def test_the_budget_holds_for_all_that_is_run(tmp_path):
     pinned = [{"phi": 0.61, "omega_rad_s": 12, "replicates": 4}]
     with pytest.raises(InputError, match="budget: 18 trials are fewer than the 20 that it starts with"):
-        until.begun(plan(budget=18, extra_trials=pinned))
-    assert len(trials_of(until.begun(plan(budget=20, extra_trials=pinned)))) == 20
+        until.with_start(plan(budget=18, extra_trials=pinned))
+    assert len(trials_of(until.with_start(plan(budget=20, extra_trials=pinned)))) == 20
 
 
 def test_a_look_obeys_what_the_plan_says_of_the_bed(tmp_path, monkeypatch):
@@ -142,17 +142,17 @@ def test_a_look_obeys_what_the_plan_says_of_the_bed(tmp_path, monkeypatch):
     monkeypatch.setattr("sandbot_model.design.look.look", look)
     monkeypatch.setattr("sandbot_model.data.conditions.cells_of", lambda _: None)
     monkeypatch.setattr("sandbot_record.trials.from_bags.campaign", lambda *_: SimpleNamespace(trials=None))
-    monkeypatch.setattr(until, "_ok", lambda *_: 0)
-    begun = until.begun(plan(alpha=0.05, bed_scatter=0.003, bed_drift=0.01))
+    monkeypatch.setattr(until, "_count_ok", lambda *_: 0)
+    begun = until.with_start(plan(alpha=0.05, bed_scatter=0.003, bed_drift=0.01))
     with pytest.raises(AskedError) as asked:
-        until.decided(begun, CampaignFolder(tmp_path))
+        until.decide(begun, CampaignFolder(tmp_path))
     assert asked.value.args == (0.05, 0.003, 0.01)
 
 
 def test_a_stop_leaves_the_plan_as_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr(until, "_look", lambda *_: {"text": "enough", "stop": "enough", "next": []})
-    begun = until.begun(plan())
-    assert until.decided(begun, CampaignFolder(tmp_path))[0] == begun
+    begun = until.with_start(plan())
+    assert until.decide(begun, CampaignFolder(tmp_path))[0] == begun
 
 
 def test_a_look_torn_by_a_kill_is_taken_anew(tmp_path, monkeypatch):
@@ -160,7 +160,7 @@ def test_a_look_torn_by_a_kill_is_taken_anew(tmp_path, monkeypatch):
     folder = CampaignFolder(tmp_path)
     whole = json.dumps(entry(planned=3))
     folder.looks.write_text(f"{whole}\n{whole[:20]}")
-    assert until.decided(until.begun(plan()), folder)[1]["look"] == 2
+    assert until.decide(until.with_start(plan()), folder)[1]["look"] == 2
     assert [one["look"] for one in until.looks_of(folder)] == [1, 2]
 
 
@@ -173,22 +173,22 @@ def test_a_line_that_is_no_look_is_named(tmp_path):
 
 def test_a_campaign_may_be_given_more_to_spend_and_no_other_plan(tmp_path):
     folder = CampaignFolder(tmp_path / "run")
-    begun = until.begun(plan())
+    begun = until.with_start(plan())
     folder.adopt(begun, {})
     assert folder.grown(plan(budget=30)).extra_trials == begun.extra_trials
     folder.adopt(folder.grown(plan(budget=30)), {})
     with pytest.raises(InputError, match="another plan"):
-        folder.adopt(until.begun(plan(alpha=0.1)), {})
+        folder.adopt(until.with_start(plan(alpha=0.1)), {})
 
 
 def test_the_trial_whose_frames_are_kept_does_not_change_as_the_campaign_grows():
-    begun = until.begun(plan())
+    begun = until.with_start(plan())
     grown = until.with_block(begun, [{"phi": 0.633, "omega_rad_s": 16}])
     assert sample_trial(begun).trial_id == sample_trial(grown).trial_id
 
 
 def test_before_any_bag_trials_cost_their_walk_and_after_it_what_the_bed_took(tmp_path):
-    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan())
     cost = until.seconds(begun, folder)
     assert cost((0.58, 8.0)) == pytest.approx(begun.duration_s(8.0) + begun.standing_s)
     took = {0.58: 12.0, 0.6: 24.0, 0.633: 110.0}

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common.dead_ports import MOST, clear_half_made, dead_ports, left_aside
+from sandbot_common.dead_ports import MOST, dead_ports, remove_incomplete, reserved
 
 SENDER, READER, GONE = 100, 200, 300
 
@@ -71,7 +71,7 @@ def test_ports_that_nobody_will_finish_are_removed_and_no_others(tmp_path):
         (tmp_path / name).write_bytes(content)
         os.utime(tmp_path / name, (0, 0))
     (tmp_path / "fastrtps_port7417").touch()  # just being made
-    clear_half_made(tmp_path)
+    remove_incomplete(tmp_path)
     kept = {path.name for path in tmp_path.iterdir()}
     assert kept == {"fastrtps_port7415", "fastrtps_port7411_el", "fastrtps_0123456789abcdef", "fastrtps_port7417"}
 
@@ -93,12 +93,12 @@ def taken(port: int) -> bool:
 
 def test_a_dead_ones_number_is_kept_while_a_node_starts_and_no_longer():
     port = free()
-    with left_aside([port + 1]), left_aside([port + 1]):  # two nodes that start at once
+    with reserved([port + 1]), reserved([port + 1]):  # two nodes that start at once
         assert taken(port)
     assert not taken(port)
 
 
 def test_of_too_many_none_is_kept():
     port = free()
-    with left_aside([port + 1] * (MOST + 1)):
+    with reserved([port + 1] * (MOST + 1)):
         assert not taken(port)

@@ -167,7 +167,7 @@ def test_outputs_that_are_closed_or_know_no_greek_do_not_end_the_work(tmp_path, 
     assert (tmp_path / "out.txt").read_text() == "whole"
 
 
-def test_output_that_a_full_disk_takes_no_more_of_is_told_and_the_work_is_done(tmp_path):
+def test_output_lost_on_a_full_disk_is_an_error_after_the_work_is_done(tmp_path):
     """As in ``compare DATA --html OUT > /on/a/full/disk``."""
     code = (
         "import sys; from pathlib import Path; from sandbot_common import cli\n"
@@ -179,7 +179,5 @@ def test_output_that_a_full_disk_takes_no_more_of_is_told_and_the_work_is_done(t
     words = ["sh", "-c", '"$@" >/dev/full', "sh", sys.executable, "-c", code, str(tmp_path / "out.txt")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == BAD_INPUT
-    assert (
-        done.stderr == "-c: error: output: No space left on device; what was written to files of its own is complete\n"
-    )
+    assert done.stderr == "-c: error: output: No space left on device; files written by the command are complete\n"
     assert (tmp_path / "out.txt").read_text() == "whole"

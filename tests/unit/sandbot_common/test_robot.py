@@ -16,7 +16,7 @@ from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_f
     ("content", "words"),
     [
         ({"leg_radus_m": 0.05}, "unknown key 'leg_radus_m', did you mean 'leg_radius_m'?"),
-        ({"leg_radius": 0.05}, "say leg_radius_m: every key tells its unit"),
+        ({"leg_radius": 0.05}, "say leg_radius_m: every key names its unit"),
         ({"gravity": 9.81}, "say gravity_m_s2"),
         ({"leg_radius_mm": 50}, "say leg_radius_m (values divided by 1000)"),
         ({"axle_height_cm": 2.5}, "say axle_height_m (values divided by 100)"),

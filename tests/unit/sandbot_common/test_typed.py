@@ -38,14 +38,14 @@ def test_what_is_of_its_type_is_taken(given):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"names": "a"}, "names: 'a' is one text; a list is needed, ['a']"),
-        ({"names": ["a", 3]}, "names: ['a', 3]; a list (a text or Path each) is needed"),
-        ({"names": None}, "names: None; a list (a text or Path each) is needed"),
+        ({"names": "a"}, "names: 'a' is one string; a list is needed, ['a']"),
+        ({"names": ["a", 3]}, "names: ['a', 3]; a list (a string or Path each) is needed"),
+        ({"names": None}, "names: None; a list (a string or Path each) is needed"),
         ({"count": 1.5}, "count: 1.5; a whole number is needed"),
         ({"count": True}, "count: True; a whole number is needed"),
         ({"rate": "2"}, "rate: '2'; a number or None is needed"),
         ({"heard": None}, "heard: None; a function is needed"),
-        ({"by_name": {"a": "b"}}, "by_name: {'a': 'b'}; a mapping to a whole number or a text is needed"),
+        ({"by_name": {"a": "b"}}, "by_name: {'a': 'b'}; a mapping to a whole number or a string is needed"),
         (
             {"by_name": np.zeros((3, 40))},
             "by_name: array([[0., 0., 0., 0., 0., 0., 0., 0., 0., 0., 0., [...]; a mapping",

@@ -113,7 +113,7 @@ def test_a_walk_begins_within_the_lease_of_a_word_of_rest(legs):
     legs._lease.renewed_s -= 61.0
     legs._on_setpoint(messages.joint_state(2, topics.LEGS, SIX, SIX, SIX))
     assert not legs._moving
-    assert legs._why == "set-point refused: they are told to move before they have been told rest"
+    assert legs._why == "set-point refused: they are told to move before they have been told to rest"
 
 
 def test_set_points_that_are_handed_on_late_stop_the_legs_and_a_late_word_of_rest_is_obeyed(legs):
@@ -129,7 +129,7 @@ def test_set_points_that_are_handed_on_late_stop_the_legs_and_a_late_word_of_res
     assert send(100.0)
     assert send(130.0)
     assert not send(190.0)
-    assert legs._why.startswith("legs stopped: set-points are handed on 9")
+    assert legs._why.startswith("legs stopped: set-points are forwarded 9")
     assert not send(180.0)
     count = len(legs._port.written)
     assert not send(500.0, 0.0)

@@ -9,7 +9,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.film import Film
-from sandbot_lab.spoiler import MOST_JITTER
+from sandbot_lab.spoiler import MAX_JITTER
 from sandbot_lab.world import World, read_world, write_world
 
 CAMERAS = read_yaml(config_folder() / "cameras.yaml")
@@ -84,7 +84,7 @@ def test_instants_scatter_keep_their_order_and_are_one_triggers():
     instants = np.array([dorsal.instant_s(number) for number in range(-100, 2000)])
     off = instants - np.arange(-100, 2000) / rate_hz
     assert off.std() == pytest.approx(0.002, rel=0.1)
-    assert np.abs(off).max() <= MOST_JITTER / rate_hz + 1e-12
+    assert np.abs(off).max() <= MAX_JITTER / rate_hz + 1e-12
     assert (np.diff(instants) > 0).all()
     assert instants.tolist() == [lateral.instant_s(number) for number in range(-100, 2000)]
 

@@ -185,7 +185,7 @@ def test_legs_that_come_in_mid_gait_move_when_they_have_been_told_rest(lab, besi
             messages.joint_state(time.time_ns(), topics.LEGS, np.full(6, 24.0), np.full(6, rate[0]), np.ones(6))
         ),
     )
-    beside.until(lambda: "lab" in told and "before they have been told rest" in told["lab"].message)
+    beside.until(lambda: "lab" in told and "before they have been told to rest" in told["lab"].message)
     assert not heard["/leg_states"]
     rate[0] = 0.0
     beside.wait(lambda: False, 0.1)

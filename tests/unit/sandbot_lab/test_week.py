@@ -30,7 +30,7 @@ def test_a_world_that_says_nothing_of_its_week_is_the_same_at_any_moment():
     assert world.week.strength(LATE) == 1.0
     assert world.week.lift_offset_m(LATE) == 0.0
     x_m = np.random.default_rng(0).normal(size=50)
-    assert (seen_x_m(x_m, 0.15, world.week.scale_off(LATE)) == x_m).all()
+    assert (seen_x_m(x_m, 0.15, world.week.scale_error(LATE)) == x_m).all()
     plain = direct_trials(world, [0.6], [8.0], replicates=2)
     told = direct_trials(world, [0.6], [8.0], replicates=2, order="randomised", batches="replicate")
     for one, other in zip(plain, told, strict=True):
@@ -99,11 +99,11 @@ def test_readings_off_their_zero_and_scale():
 def test_readings_set_anew_each_day_are_off_alike_within_one_and_at_random_from_day_to_day():
     week = Week(lift_zero_batch_sd_m=5e-4, speed_scale_batch_sd=0.01)
     zeros, scales = np.array(
-        [(week.lift_offset_m(Occasion(day)), week.scale_off(Occasion(day))) for day in range(300)]
+        [(week.lift_offset_m(Occasion(day)), week.scale_error(Occasion(day))) for day in range(300)]
     ).T
     assert (np.std(zeros), np.std(scales)) == (pytest.approx(5e-4, rel=0.15), pytest.approx(0.01, rel=0.15))
     assert abs(np.corrcoef(zeros, scales)[0, 1]) < 0.2
-    assert week.scale_off(Occasion(3, 1)) == week.scale_off(Occasion(3, 2, 0.5))
+    assert week.scale_error(Occasion(3, 1)) == week.scale_error(Occasion(3, 2, 0.5))
 
 
 def test_cameras_show_the_same_live_and_in_batch():
@@ -115,7 +115,7 @@ def test_cameras_show_the_same_live_and_in_batch():
     seen = as_seen(trace, world.week, LATE)
     assert seen.z_m[0] == pytest.approx(trace.z_m[0] - 1e-3)
     assert (seen.z_m[1:] == trace.z_m[1:]).all()
-    scale = 1.0 + world.week.scale_off(LATE)
+    scale = 1.0 + world.week.scale_error(LATE)
     assert abs(scale - 1.02) > 1e-4
     assert np.ptp(seen.x_m) == pytest.approx(scale * np.ptp(trace.x_m))
     live = LiveTrial(world, 0.61, 3, trace.x_m[0], {"dorsal": CAMERAS["dorsal"]}, 0, LATE)

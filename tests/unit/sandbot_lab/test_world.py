@@ -11,7 +11,7 @@ from sandbot_common.errors import InputError
 from sandbot_lab.effects import DRAWN, EFFECTS
 from sandbot_lab.world import (
     World,
-    draw_beside,
+    draw_additional,
     draw_world,
     null_world,
     read_world,
@@ -82,18 +82,18 @@ def test_draws_reach_every_effect_and_only_those_asked_for():
 @given(seed=st.integers(0, 2**31))
 def test_an_effect_drawn_beside_others_leaves_them_as_they_are(seed):
     before = World(delta_t_s=0.18, effects={"belly_coast": {"mu_b": 0.35}})
-    world = draw_beside(before, seed)
+    world = draw_additional(before, seed)
     (name,) = world.effects.keys() - before.effects.keys()
     assert name != "belly_coast"
     kept = {key: values for key, values in world.effects.items() if key != name}
     assert dataclasses.replace(world, effects=kept) == before
-    assert draw_beside(before, seed) == world
+    assert draw_additional(before, seed) == world
     # What was drawn is left as it is, too, by the next seed; and then none is left.
-    full = draw_beside(world, seed)
+    full = draw_additional(world, seed)
     assert len(full.effects) == 3
     assert full.effects[name] == world.effects[name]
-    with pytest.raises(InputError, match="swimming_thrust and crater_refill are there already"):
-        draw_beside(full, seed)
+    with pytest.raises(InputError, match="swimming_thrust and crater_refill are present already"):
+        draw_additional(full, seed)
 
 
 def test_noise_scale_changes_nothing_else():
@@ -113,11 +113,11 @@ def test_keys_of_earlier_versions_are_read_and_their_new_names_said(capsys):
     assert world.effects["disturbed_ground"]["k_l_n_per_m"] == 171.0
     assert (world.body.leg_radius_m, world.body.mass_per_leg_kg, world.swim_m_s) == (0.04, 0.8, 0.03)
     assert capsys.readouterr().err.splitlines() == [
-        "w.yaml: k_knots_n_m is called k_knots_n_per_m since",
-        "w.yaml: k_l_n_m is called k_l_n_per_m since",
-        "w.yaml: radius_m is called leg_radius_m since",
-        "w.yaml: mass_kg is called mass_per_leg_kg since",
-        "w.yaml: robot: swim_m_s stands beside robot: since, as the ground's own",
+        "w.yaml: k_knots_n_m is now called k_knots_n_per_m",
+        "w.yaml: k_l_n_m is now called k_l_n_per_m",
+        "w.yaml: radius_m is now called leg_radius_m",
+        "w.yaml: mass_kg is now called mass_per_leg_kg",
+        "w.yaml: robot: swim_m_s is now a key of the world itself, next to robot:",
     ]
 
 

@@ -75,8 +75,8 @@ def test_cameras_read_without_a_rate_know_that_they_have_none(film):
     [
         ({"omega_rad_s": "12"}, "omega_rad_s: '12'; a number or None is needed"),
         ({"start_s": "0"}, "start_s: '0'; a number or None is needed"),
-        ({"robot": None}, "robot: None; a text, Path or Robot is needed"),
-        ({"calibration": {"dorsal": DORSAL}}, "a text, Path or a mapping to Camera is needed"),
+        ({"robot": None}, "robot: None; a string, Path or Robot is needed"),
+        ({"calibration": {"dorsal": DORSAL}}, "a string, Path or a mapping to Camera is needed"),
         ({"omega_rad_s": 12, "start_s": np.float64(0)}, "nowhere.avi: no such video file"),
     ],
 )

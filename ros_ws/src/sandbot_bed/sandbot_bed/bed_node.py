@@ -1,12 +1,12 @@
 """The bed node: runs the pulse protocol against the blower and the height sensor.
 
-/bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status tells how it goes and
-/bed/volume_fraction (latched) its end. /bed/abort turns the air off, and so does the end of the node.
+/bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status reports its progress and
+/bed/volume_fraction (latched) its result. /bed/abort turns the air off, and so does the end of the node.
 
-Interlock: a preparation is refused while legs are told to move or say that they do, and fails if they begin to; a robot
-that says nothing, or is not there, hinders none. It fails, too, where whoever commands (a campaign) does not renew
-/operator/lease, and where the node itself was held up: air nobody watches is turned off. And it fails where whoever
-drives the blower has turned it off by himself: the bed had less air than it was told.
+Interlock: a preparation is refused while legs are commanded to move or report that they do, and fails if they begin to;
+a silent or absent robot does not prevent one. It fails, too, if its commander (a campaign) does not renew
+/operator/lease, or if the node itself was held up: air that nobody watches is turned off. And it fails if the blower's
+driver has turned the air off by itself: the bed then had less air than commanded.
 """
 
 import math
@@ -30,10 +30,10 @@ from sandbot_common.standstill import Standstill
 from sandbot_common.timer import Timer
 
 PRIORITY = 3
-"""Real-time priority while the bed is prepared: a node that is held up for as long as the lease ends it."""
+"""Real-time priority while the bed is prepared: a delay of the node longer than the lease ends the preparation."""
 _LEGS_STILL_S = 0.2
 _STATUS_PERIOD_S = 0.1
-# A reading older than this is no reading.
+# An older reading counts as missing.
 _FRESH_S = 0.5
 
 
@@ -51,7 +51,7 @@ class TopicHardware:
         self._blower.publish(messages.float64(level))
 
     def read_height_m(self) -> float:
-        """The latest /bed/height; NaN where it is older than half a second."""
+        """The latest /bed/height; NaN if it is older than half a second."""
         return self._height_m if self._now_s() - self._heard_s < _FRESH_S else math.nan
 
     def _on_height(self, message: Range) -> None:
@@ -67,7 +67,7 @@ class PublishedHardware:
         self._height = node.publisher(ros, topics.BED_HEIGHT)
 
     def set_blower(self, level: float) -> None:
-        """To the driver and /bed/blower: there also where the driver fails."""
+        """To the driver and /bed/blower; to the latter even if the driver fails."""
         try:
             self._driver.set_blower(level)
         finally:
@@ -97,16 +97,16 @@ class BedNode(Node):
         self._phi = node.publisher(self, topics.BED_PHI)
         self._status = node.publisher(self, topics.BED_STATUS)
         for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES):
-            # What comes all the time: a reliable reader would hear nothing until what was lost has been sent again.
+            # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
             node.subscription(self, topic, partial(self._on_legs, topic.name), best_effort=True)
         self._command = command_node.Command(self, settings.lease_s)
         self._health = node.Health(self, self._figures, sole=True)
-        # By node that drives a blower, and as it was when the preparation began.
+        # Air stops by driver node, now and when the preparation began.
         self._air_stops: dict[str, str] = {}
         self._air_stops_before: dict[str, str] = {}
         node.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._legs_moved_s = self._status_s = -math.inf
-        self._motion_told_on = ""
+        self._motion_topic = ""
         self._step_s = math.inf
         self._standstill = Standstill()
         self._reported = ""
@@ -115,12 +115,12 @@ class BedNode(Node):
         Timer(self, 1 / settings.rate_hz, self._step)
 
     def close(self) -> None:
-        """Air off before the node goes."""
+        """Air off before the node ends."""
         if not self._health.settled:
-            return  # it may be another bed's, and this one has not blown
+            return  # the air may be another bed's; this one has not blown
         try:
             self._obey(self._protocol.abort("the bed node stopped"))
-        except OSError as error:  # of a driver's device; the blower's own watchdog is left
+        except OSError as error:  # of a driver's device; the blower's own watchdog remains
             self.get_logger().error(f"the driver did not turn the air off: {error}")
 
     def _step(self) -> None:
@@ -136,14 +136,14 @@ class BedNode(Node):
     def _fault(self, now_s: float) -> str:
         """Why a preparation under way must end; an empty string if it may go on."""
         if self._legs_move:
-            return f"legs began to move ({self._motion_told_on}) while the bed was being prepared"
+            return f"legs began to move ({self._motion_topic}) while the bed was being prepared"
         if (late_s := now_s - self._step_s) > self._settings.current.lease_s:
             return f"the bed node was held up for {late_s:.2g} s"
         return self._air_stopped or self._command.lost()
 
     @property
     def _air_stopped(self) -> str:
-        """Who drives the blower and has turned it off by himself since this preparation began: less air than told."""
+        """That a blower's driver has turned the air off by itself since this preparation began; empty if none has."""
         for name, before in self._air_stops_before.items():
             if self._air_stops[name] != before:
                 return f"{name} turned the air off by itself while the bed was being prepared"
@@ -156,7 +156,7 @@ class BedNode(Node):
                     self._air_stops[status.name] = pair.value
 
     def _obey(self, command: Command) -> None:
-        # At every step, idle too: who starts later must learn that the air is off.
+        # At every step, also when idle: nodes that start later must learn that the air is off.
         self._hardware.set_blower(command.blower)
         changed = f"{command.stage} {command.reason}" != self._reported
         if changed:
@@ -182,7 +182,7 @@ class BedNode(Node):
     def _on_legs(self, topic: str, message: JointState) -> None:
         # NaN != 0: it counts as moving.
         if any(rate != 0 for rate in message.velocity):
-            self._legs_moved_s, self._motion_told_on = time.monotonic(), topic
+            self._legs_moved_s, self._motion_topic = time.monotonic(), topic
 
     def _on_change(self, settings: BedParameters) -> None:
         if self._protocol.command.stage.busy:
@@ -199,7 +199,7 @@ class BedNode(Node):
             return response
         if self._legs_move:
             response.success = False
-            response.message = f"legs move ({self._motion_told_on}); call /clock/stop first"
+            response.message = f"legs move ({self._motion_topic}); call /clock/stop first"
             return response
         just_begun = "" if self._health.settled else "this bed has only just begun; ask again in a second"
         refusal = just_begun or self._standstill.refusal(time.monotonic())
@@ -212,7 +212,7 @@ class BedNode(Node):
         except InputError as error:
             response.success, response.message = False, str(error)
             return response
-        # What held the node up before is not of this preparation; and whoever waits for its end must see it begin.
+        # A delay before now must not fail this preparation; and clients that wait for its end must first see it begin.
         self._step_s = time.monotonic()
         self._step()
         response.success, response.message = True, f"preparing φ = {target_phi:g}"

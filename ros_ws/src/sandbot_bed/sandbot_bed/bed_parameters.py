@@ -1,4 +1,4 @@
-"""Parameters of the bed node, and its command line: both are there before ROS is."""
+"""Parameters of the bed node, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class BedParameters(ProtocolParameters):
 
     target_phi: float = parameter(0.6, doc="volume fraction to prepare", low=0.3, high=0.74)
     rate_hz: float = parameter(100.0, unit="Hz", doc="steps a second; fixed when the node starts", low=20, high=1000)
-    lease_s: float = parameter(0.45, unit="s", doc="a lease or a step later than this ends it", low=0.1, high=2.0)
+    lease_s: float = parameter(0.45, unit="s", doc="a lease or step this late ends a preparation", low=0.1, high=2.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -20,9 +20,9 @@ A real driver is one class, handed to the node:
     def main(argv=None) -> int:
         return node.run(lambda: BedNode(SerialBed("/dev/ttyUSB0")), argv)
 
-Both calls return at once (the node makes them at its rate), or raise: one that waits for a device which takes nothing
-keeps the node from turning the air off. The blower's own controller should switch the air off when
-it hears nothing for half a second: no program can do so once it has crashed.
+Both calls must return at once (the node makes them at its rate), or raise: a call that blocks on an unresponsive device
+keeps the node from turning the air off. The blower's own controller should switch the air off when it receives nothing
+for half a second: a crashed program can't.
 """
 
 from typing import Protocol
@@ -35,4 +35,4 @@ class BedHardware(Protocol):
         """Set the air flow: 0 off, 1 full."""
 
     def read_height_m(self) -> float:
-        """The latest height of the bed's surface above its floor [m]; NaN where there is no reading."""
+        """The latest height of the bed's surface above its floor [m]; NaN if there is no reading."""

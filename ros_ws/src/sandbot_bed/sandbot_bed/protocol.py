@@ -1,4 +1,4 @@
-"""The pulse protocol (Li09, methods): fluidise, let the air go, then pack by short pulses until φ is reached.
+"""The pulse protocol (Li09, methods): fluidise, ramp the air down, then pack by short pulses until φ is reached.
 
     idle ── prepare ──► fluidise ─► ramp_down ─► settle ─► ready
                            ▲                      │  ▲ │
@@ -25,11 +25,11 @@ from sandbot_common.parameters import parameter
 class ProtocolParameters:
     """The bed and how it is prepared; by default a 2.5 m × 0.5 m bed of poppy seed, 0.1 m high when loose.
 
-    Raises InputError where values contradict each other.
+    Raises InputError if values contradict each other.
     """
 
     fluidise_s: float = parameter(5.0, unit="s", doc="time at full air", low=0.1, high=600)
-    ramp_s: float = parameter(5.0, unit="s", doc="time in which the air is let go", low=0.1, high=600)
+    ramp_s: float = parameter(5.0, unit="s", doc="time in which the air is ramped down", low=0.1, high=600)
     settle_s: float = parameter(2.0, unit="s", doc="rest before φ is read after the ramp", low=0.05, high=600)
     pulse_on_s: float = parameter(0.1, unit="s", doc="longest air pulse", low=0.01, high=10)
     pulse_off_s: float = parameter(1.0, unit="s", doc="rest before φ is read after a pulse", low=0.05, high=60)
@@ -38,7 +38,7 @@ class ProtocolParameters:
     pulse_level: float = parameter(1.0, doc="blower level of a pulse", low=0.01, high=1)
     tolerance: float = parameter(0.001, doc="largest |φ − target| accepted", low=1e-5, high=0.05)
     average_s: float = parameter(0.5, unit="s", doc="last part of a rest in which heights are averaged", low=0, high=60)
-    min_readings: int = parameter(5, doc="heights averaged at least", low=2, high=10000)
+    min_readings: int = parameter(5, doc="fewest heights averaged", low=2, high=10000)
     max_pulses: int = parameter(500, doc="pulses after which a preparation fails", low=1, high=100000)
     max_refluidised: int = parameter(5, doc="overshoots after which a preparation fails", low=0, high=1000)
     overrun_s: float = parameter(2.0, unit="s", doc="longest time over plan in any stage", low=0.01, high=600)
@@ -81,7 +81,7 @@ class ProtocolParameters:
         return self.phi(Measured(self.height_loose_m)).value
 
     def phi(self, height_m: Measured) -> Measured:
-        """φ and σ_φ at a height; the sensor's calibration uncertainty comes on top of the height's own."""
+        """φ and σ_φ at a height; the sensor's calibration uncertainty is added to the height's own in quadrature."""
         height = Measured(height_m.value, math.hypot(height_m.sd, self.height_sd_m))
         mass = Measured(self.mass_kg, self.mass_sd_kg)
         density = Measured(self.rho_grain_kg_m3, self.rho_grain_sd_kg_m3)
@@ -103,7 +103,7 @@ class ProtocolParameters:
 
 
 class Stage(StrEnum):
-    """Where a preparation stands."""
+    """The stage of a preparation."""
 
     IDLE = "idle"
     FLUIDISE = "fluidise"
@@ -121,10 +121,10 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True)
 class Command:
-    """What the blower does now, and what is known; φ and σ_φ are NaN until they have been measured."""
+    """What the blower is to do now, and what is known; φ and σ_φ are NaN until they have been measured."""
 
     preparation: int = 0
-    """Which one this is, from 1; 0 before the first."""
+    """Number of this preparation, from 1; 0 before the first."""
     stage: Stage = Stage.IDLE
     blower: float = 0.0
     target_phi: float = math.nan
@@ -145,7 +145,7 @@ class PulseProtocol:
         self._now_s = self._entered_s = self._good_s = math.nan  # NaN: not known before the first step
         self._planned_s = 0.0
         self._readings: list[tuple[float, float]] = []  # (s since the stage began, m)
-        self._forget_pulses()
+        self._reset_pulses()
 
     def prepare(self, target_phi: float) -> None:
         """Begin at the next step. Raises InputError if busy or if ``target_phi`` can't be reached."""
@@ -154,18 +154,18 @@ class PulseProtocol:
         self.parameters.check_target(target_phi)
         self.command = Command(self.command.preparation + 1, target_phi=target_phi)
         self._now_s = self._good_s = math.nan
-        self._forget_pulses()
+        self._reset_pulses()
         self._enter(Stage.FLUIDISE, self.parameters.fluidise_s, self.parameters.fluidise_level)
 
     def abort(self, reason: str = "aborted") -> Command:
-        """Air off, from anywhere; a preparation under way ends in idle with the reason."""
+        """Air off, from any stage; a preparation under way ends in idle with the reason."""
         if self.command.stage.busy:
             self.command = replace(self.command, stage=Stage.IDLE, reason=reason)
         self.command = replace(self.command, blower=0.0)
         return self.command
 
     def fail(self, reason: str) -> Command:
-        """Air off and failed, for a reason seen outside such as moving legs."""
+        """Air off and failed, for an external reason such as moving legs."""
         self.command = replace(self.command, stage=Stage.FAILED, blower=0.0, reason=reason)
         return self.command
 
@@ -181,7 +181,7 @@ class PulseProtocol:
             self._entered_s = now_s
         if math.isnan(self._good_s):
             self._good_s = now_s
-        if reason := self._wrong(height_m) or self._late():
+        if reason := self._bad_reading(height_m) or self._timed_out():
             return self.fail(reason)
         stages = {
             Stage.FLUIDISE: self._fluidise,
@@ -192,8 +192,8 @@ class PulseProtocol:
         stages[self.command.stage]()
         return self.command
 
-    def _wrong(self, height_m: float) -> str:
-        # Why the readings can't be trusted any more; a short gap is forgiven, but never averaged.
+    def _bad_reading(self, height_m: float) -> str:
+        # Why the readings can't be trusted any more; a short gap is tolerated, but never averaged.
         p = self.parameters
         if p.height_low_m <= height_m <= p.height_high_m:
             self._good_s = self._now_s
@@ -204,7 +204,7 @@ class PulseProtocol:
             return f"no height reading for {p.bad_reading_s:g} s"
         return f"height reading {height_m} m is outside [{p.height_low_m:g}, {p.height_high_m:g}] m"
 
-    def _late(self) -> str:
+    def _timed_out(self) -> str:
         limit_s = self._planned_s + self.parameters.overrun_s
         if self._elapsed_s <= limit_s:
             return ""
@@ -216,7 +216,7 @@ class PulseProtocol:
 
     @property
     def _done(self) -> bool:
-        # Times are sums of float steps: a nanosecond early is on time.
+        # Times are sums of float steps, so allow a nanosecond.
         return self._elapsed_s >= self._planned_s - 1e-9
 
     def _enter(self, stage: Stage, planned_s: float, blower: float) -> None:
@@ -229,8 +229,8 @@ class PulseProtocol:
             self._enter(Stage.RAMP_DOWN, self.parameters.ramp_s, self.parameters.fluidise_level)
 
     def _ramp_down(self) -> None:
-        left = 1 - self._elapsed_s / self._planned_s
-        self.command = replace(self.command, blower=self.parameters.fluidise_level * max(0.0, left))
+        remaining = 1 - self._elapsed_s / self._planned_s
+        self.command = replace(self.command, blower=self.parameters.fluidise_level * max(0.0, remaining))
         if self._done:
             self._enter(Stage.SETTLE, self.parameters.settle_s, 0.0)
 
@@ -246,13 +246,13 @@ class PulseProtocol:
             self._readings.append((self._elapsed_s, self.command.height_m))
         if not self._done:
             return
-        # A rest that lasts forgets its first half: grains that were late to settle, a sensor that was late to say so.
+        # A prolonged rest discards its first half, in which grains or the sensor were still settling.
         since_s = self._elapsed_s / 2 - 1e-9
         heights = np.array([height_m for at_s, height_m in self._readings if at_s >= since_s])
         if len(heights) < p.min_readings:
             return
         mean = Measured(float(heights.mean()), float(heights.std(ddof=1)) / math.sqrt(len(heights)))
-        # Too noisy to tell within tolerance, or not yet at rest: go on averaging until the stage times out.
+        # Too noisy for the tolerance, or not yet at rest: go on averaging until the stage times out.
         half = len(heights) // 2
         moved = abs(heights[:half].mean() - heights[half:].mean()) / (2 * mean.value)
         if p.phi(mean).value * max(mean.relative_sd, moved) > p.tolerance / 2:
@@ -285,29 +285,29 @@ class PulseProtocol:
             self.fail(f"overshot {command.refluidised + 1} times: φ is {command.phi:.4f}, not {command.target_phi:.4f}")
             return
         self.command = replace(command, refluidised=command.refluidised + 1)
-        self._forget_pulses()
+        self._reset_pulses()
         self._enter(Stage.FLUIDISE, p.fluidise_s, p.fluidise_level)
 
-    def _forget_pulses(self) -> None:
+    def _reset_pulses(self) -> None:
         self._last_pulse_s, self._same_pulses, self._same_m = math.nan, 0, math.nan
         self._phis: list[float] = []
 
     def _idle(self, phi: float) -> bool:
-        # A blower that does not answer packs nothing, while the sensor lives on.
+        # With a dead blower nothing packs, although the sensor still works.
         self._phis.append(phi)
         before = self._phis[-1 - self.parameters.idle_pulses :][0]
         return len(self._phis) > self.parameters.idle_pulses and phi - before < self.parameters.tolerance / 4
 
     def _stuck(self, at_m: float) -> bool:
-        # A living sensor has noise, and pulses pack: not one bit of change through several pulses is neither.
+        # A working sensor has noise, and pulses pack the bed: if readings stay identical over several, it is stuck.
         self._same_pulses = self._same_pulses + 1 if at_m == self._same_m else 0
         self._same_m = at_m
         return self._same_pulses >= self.parameters.stuck_pulses
 
     def _pulse_length_s(self, gap: float, gain_per_s: float) -> float:
-        # A whole pulse from afar; near the target only as long as the last one's gain says, so as not to overshoot.
+        # A full pulse far from the target; near it, only as long as the last pulse's gain calls for, not to overshoot.
         p = self.parameters
-        if not gain_per_s > 0:  # first pulse (NaN), or the gain drowned in noise
+        if not gain_per_s > 0:  # first pulse (NaN), or a gain lost in noise
             return p.pulse_on_s
         return min(p.pulse_on_s, max(p.pulse_min_s, gap / gain_per_s))
 
@@ -320,7 +320,7 @@ class PreparationFailed(InputError):
         self.command = command
 
     def __reduce__(self) -> tuple[type["PreparationFailed"], tuple[Command]]:
-        """From the command, not from the line: one that can't come back from a worker takes the whole pool along."""
+        """Pickle by the command, not the message: an exception that can't be unpickled breaks the whole worker pool."""
         return type(self), (self.command,)
 
 
@@ -354,8 +354,9 @@ def prepare(
 ) -> Preparation:
     """Run the protocol to its end, calling ``advance(dt_s)`` (simulated time or a sleep) between steps.
 
-    ``observe(t_s, command)`` sees every step, for a bag. The air is off afterwards, whatever happens. Raises InputError
-    if the target is out of reach or dt_s too coarse for the pulses, PreparationFailed (an InputError) if the bed fails.
+    ``observe(t_s, command)`` is called at every step, for a bag. The air is off afterwards in any case. Raises
+    InputError if the target is out of reach or dt_s too coarse for the pulses, PreparationFailed (an InputError) if the
+    bed fails.
     """
     params.check_step(dt_s)
     protocol = PulseProtocol(params)

@@ -1,4 +1,4 @@
-"""A command of the protocol as the figures of /bed/status, the same live and in batch."""
+"""A command of the protocol as a /bed/status message, the same live and in batch."""
 
 from diagnostic_msgs.msg import DiagnosticArray
 
@@ -9,8 +9,8 @@ _ERROR = 2
 
 
 def status_message(t_ns: int, command: Command) -> DiagnosticArray:
-    """/bed/status: which preparation, its stage, target, pulses, refluidised, φ, σ_φ, height and blower; an error where
-    the bed failed."""
+    """/bed/status: number of preparation, stage, target, pulses, refluidised, φ, σ_φ, height and blower; error level
+    if the bed failed."""
     failed = command.stage is Stage.FAILED
     figures = {
         "preparation": command.preparation,

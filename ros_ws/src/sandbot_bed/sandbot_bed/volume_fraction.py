@@ -28,8 +28,8 @@ class Measured:
 def volume_fraction(mass_kg: Measured, density_kg_m3: Measured, area_m2: Measured, height_m: Measured) -> Measured:
     """φ = M/(ρ A height), with σ_φ/φ = √[(σ_M/M)² + (σ_ρ/ρ)² + (σ_A/A)² + (σ_h/height)²].
 
-    ``density_kg_m3`` is that of a grain, not of the bed. The first three are the same in every trial of a campaign:
-    between trials only the height's share of σ_φ scatters.
+    ``density_kg_m3`` is that of a grain, not of the bed. The first three are the same in every trial of a campaign, so
+    only the height's contribution to σ_φ varies between trials.
     """
     phi = mass_kg.value / (density_kg_m3.value * area_m2.value * height_m.value)
     parts = (mass_kg, density_kg_m3, area_m2, height_m)

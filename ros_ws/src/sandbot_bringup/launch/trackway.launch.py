@@ -27,11 +27,11 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
-    """One action a node; when a required one ends, everything stops."""
+    """One action per node; when a required one ends, everything stops."""
     # Besides the declared arguments, launch keeps every other name:=value it was given, such as bed.pulse_off_s.
     given = {name: value for name, value in context.launch_configurations.items() if _ours(name, table)}
     if any(Path(word).name == nodes.LAUNCH_FILE for word in sys.argv):
-        # Typed for this file and no other: a name that launch would keep without a word is refused.
+        # Typed for this file: an unknown name, which launch itself would silently keep, is refused.
         given |= nodes.parse_arguments(context.argv)
     return [
         Node(

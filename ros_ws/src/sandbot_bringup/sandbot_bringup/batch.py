@@ -1,4 +1,4 @@
-"""One trial of the virtual lab in process: the cores of the live nodes called in turn, the same bag written."""
+"""One trial of the virtual lab in process: calls the cores of the live nodes in turn, and writes the same bag."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate
 from sandbot_lab.spoiler import check_jitter
 from sandbot_lab.stage import LED_ON_S
-from sandbot_lab.world import World, draw_beside, draw_world, null_world, read_world, write_world
+from sandbot_lab.world import World, draw_additional, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.period import PeriodMeans
@@ -33,12 +33,12 @@ Floats = NDArray[np.float64]
 
 BED_STEP_S = 0.02
 DRAIN_S = 0.05
-"""Frames go on this long after the legs have stopped, as they do live."""
+"""Filming continues this long after the legs have stopped, as it does live."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What every trial of a campaign shares."""
+    """What all trials of a campaign share."""
 
     plan: Plan
     world: World
@@ -60,16 +60,16 @@ class Setup:
 def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: int | None) -> World:
     """The world to run in: the folder's own when resuming, else the given file, a drawn one, or the null world.
 
-    With both a file and a seed an effect is drawn beside those of the file.
+    With both a file and a seed an effect is drawn in addition to those of the file.
     """
     asked = read_world(path) if path is not None else None
     if hide is not None:
-        asked = draw_world(hide) if asked is None else draw_beside(asked, hide)
+        asked = draw_world(hide) if asked is None else draw_additional(asked, hide)
     if not folder.truth.exists():
         if folder.plan_file.exists():
             raise InputError(
-                f"{folder.path}: has a campaign and no {folder.truth.relative_to(folder.path)}, so its trials are not "
-                "of --batch but of another ground; give another --out"
+                f"{folder.path}: has a campaign and no {folder.truth.relative_to(folder.path)}, so its trials were not "
+                "run with --batch; give another --out"
             )
         return asked or null_world()
     sealed = read_world(folder.truth)
@@ -81,12 +81,12 @@ def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: 
 
 
 def check_film(world: World, files: Mapping[str, str]) -> None:
-    """Raises InputError where these cameras can't film as the world says."""
+    """Raises InputError if these cameras can't film as the world requires."""
     check_jitter(world.film, cameras_from_mapping(load_yaml(files["cameras.yaml"]), "cameras")["dorsal"].frame_rate_hz)
 
 
 def seal(folder: CampaignFolder, world: World) -> None:
-    """Write the truth where analysis never looks."""
+    """Write the truth to where the analysis never looks."""
     folder.truth.parent.mkdir(parents=True, exist_ok=True)
     write_world(world, folder.truth)
 
@@ -94,9 +94,9 @@ def seal(folder: CampaignFolder, world: World) -> None:
 def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
     if not setup.folder.missing([trial]):
-        # A worker of a cluster that died had finished it, but could not say so.
+        # A cluster worker that died had finished it, but could not report it.
         return setup.folder.bag(trial)
-    plan, world = setup.plan.of(trial), setup.world.walked_by(setup.robot).at(trial.occasion)
+    plan, world = setup.plan.for_trial(trial), setup.world.walked_by(setup.robot).at(trial.occasion)
     bed = LabBed(seed=trial.seed)
     bag = TrialBag(start_ns, world.body.leg_order)
     bag.announce(trial_message(plan, trial, setup.robot, start_ns))
@@ -148,7 +148,7 @@ def _film(
         t_s, come = views["dorsal"].instant_s(number), {name: view.comes(number) for name, view in views.items()}
         frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items() if come[name]}
         if number == 0:
-            # As the live one does at the LED's edge, so that it knows no more of the bed than a replay of the bag.
+            # Restarted, as the live tracker at the LED's edge, so that it knows no more than a replay of the bag would.
             tracker = new_tracker()
         sample = tracker.update(t_s, frames.get("dorsal"), frames.get("lateral"))
         bag.sample(sample)

@@ -1,7 +1,8 @@
 """Run a campaign's trials live over the real nodes: prepare the bed, record, start the clock, stop.
 
-While a trial's air or legs may move, this node renews /operator/lease: should it end, freeze or be killed, bed and
-clock stop by themselves. It watches all whom a trial needs (``hearing_node``); who falls silent ends it at once.
+While a trial's air may blow or its legs move, this node renews /operator/lease: if it ends, freezes or is killed, bed
+and clock stop by themselves. It watches all nodes a trial needs (``hearing_node``); if one falls silent, the trial ends
+at once.
 """
 
 import math
@@ -21,7 +22,7 @@ from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.gate_node import DISCOVERY_S, Gate
-from sandbot_bringup.hearing_node import RECORDER, TRACKER_SPEED, Hearing, Told
+from sandbot_bringup.hearing_node import RECORDER, TRACKER_SPEED, Hearing, NodeStatus
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.hold_node import HoldServices
 from sandbot_bringup.orders_node import CALL_S, Orders
@@ -45,31 +46,31 @@ from sandbot_record.trials.table import OK, Row
 BED_S = 600.0
 DRAIN_S = 20.0
 LAST_FRAME_NS = 30_000_000
-"""The last frame may be so long before the legs' rest."""
+"""The last frame may precede the legs' rest by this much."""
 CLOSE_S = 30.0
 PRIORITY = 5
-"""Real-time priority while it commands, below the clock's, and of the threads that hear for it."""
+"""Real-time priority while it commands, below the clock's; also that of the threads that receive its messages."""
 RENEW_S = 0.02
-"""The lease is renewed that often: a dozen times before the clock takes it for lost."""
+"""Period of the lease's renewal: a dozen renewals before the clock takes it for lost."""
 EXPLAIN_S = 0.7
-"""So long after legs came to rest unasked, whoever stopped them is listened for."""
+"""How long to wait for an explanation after legs have come to rest unasked."""
 LEAVE_S = 2.0
 SAFE_S = 3.0
-"""So long legs that still report motion are waited for, before the recorder is ended."""
+"""How long to wait for legs that still report motion, before the recorder is ended."""
 
 
 def mark(bag: Path, exit_status: str) -> None:
-    """Write into a closed bag how its trial ended, where only its judge could know."""
-    with suppress(InputError, OSError):  # a full disk: trials.csv says it all the same
+    """Write a trial's exit status into its closed bag, if it was only known after judging the bag."""
+    with suppress(InputError, OSError):  # a full disk: trials.csv has the status all the same
         add_metadata(bag, "trial", {**Bag.open(bag).provenance.get("trial", {}), "exit_status": exit_status})
 
 
-def judged(bag: Path) -> Row:
-    """The row of a closed bag; TrialFailed where it is not ok or can't be read, and its bag says so where it can."""
+def checked_row(bag: Path) -> Row:
+    """The row of a closed bag. Raises TrialFailed if it is not ok or unreadable, after marking the bag if possible."""
     try:
         row = row_from_bag(bag)
     except (InputError, OSError) as error:
-        # A damaged disk, say: this trial is lost, the campaign is not, and the bag stays for `recover`.
+        # E.g. a damaged disk: this trial is lost but the campaign is not, and the bag is kept for `recover`.
         why = f"unreadable: {str(error).removeprefix(f'{bag}: ')}"
     else:
         if row.status == OK:
@@ -79,8 +80,8 @@ def judged(bag: Path) -> Row:
     raise TrialFailed(f"{why}; its bag is kept in {bag}")
 
 
-def _walk_of(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
-    """The clock's parameters for a trial; ``plan`` is the trial's own."""
+def _clock_parameters(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
+    """The clock's parameters for a trial; ``plan`` is the one for this trial."""
     walk = {"omega_rad_s": trial.omega_rad_s, "gait": plan.gait, "rate_hz": plan.setpoint_rate_hz}
     if plan.gait == "CUSTOM":
         walk |= {name: getattr(plan.clock_gait, name) for name in ("theta_s_rad", "theta_0_rad", "duty")}
@@ -91,7 +92,7 @@ class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
     desk: Desk
-    """Set once there is a folder to keep what is asked for."""
+    """Set once there is a folder in which orders can be kept."""
 
     def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
         super().__init__("campaign")
@@ -114,13 +115,13 @@ class Operator(Node):
         self._gate = Gate(self, self._hearing, self._orders, self._wait)
 
     def find_nodes(self) -> None:
-        """Wait for all that a trial needs; InputError naming what is missing."""
+        """Wait for everything a trial needs. Raises InputError naming what is missing."""
         self._gate.find_nodes()
-        # By now another campaign would have been heard. From here on clock and bed obey nobody but this one.
+        # By now another campaign would have been heard. From here on clock and bed obey only this one.
         self._lease = publisher(self, topics.OPERATOR_LEASE)
 
     def await_go(self) -> None:
-        """While the campaign is held, wait for the operator: without a limit, for nothing moves and nothing blows."""
+        """While the campaign is held, wait for the operator, without a time limit: nothing moves and nothing blows."""
         if not self.hold.why:
             return
         self.desk.enter("")
@@ -128,39 +129,39 @@ class Operator(Node):
         self._end_if_asked()
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
-        """Go on hearing everybody until something that is done elsewhere is over; nothing moves meanwhile."""
+        """Keep spinning until work elsewhere is done; nothing moves meanwhile."""
         self._spin_until(lambda: condition() or self._ending, math.inf)
         self._end_if_asked()
 
     def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> Row:
         """One trial from bed preparation to the closed bag, and its row of the table.
 
-        TrialFailed with the reason otherwise, Held where a person stopped it.
+        Raises TrialFailed with the reason otherwise, Held if a person stopped it.
         """
-        # Recorded aside and renamed when complete and judged: a bag in trials/ is always a whole trial.
-        aside = folder.aside(trial.trial_id)
-        self._look_at_settings()
+        # Recorded under .partial and moved when complete and judged: a bag in trials/ is always a whole trial.
+        partial = folder.partial_bag(trial.trial_id)
+        self._read_settings()
         self._gate.before_trial(self._bed, folder)
         self._running = trial.trial_id
         self._set_up(trial)
-        # Judging the bag takes a second of CPU and is nobody's lease.
+        # Judging the bag takes a second of CPU and needs no lease.
         with real_time(PRIORITY):
-            recorder = self._run(trial, aside, attachments)
+            recorder = self._run(trial, partial, attachments)
         if recorder.code != 0:
-            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
-        # The same judge as that of the table: what it would not call ok is no finished trial.
-        row = judged(aside)
+            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {partial}")
+        # Judged as for the table: a trial that is not ok there is not finished.
+        row = checked_row(partial)
         with writing(folder.path):
-            aside.rename(folder.bag(trial))
+            partial.rename(folder.bag(trial))
             sync(folder.trials)
         return row
 
-    def _run(self, trial: PlannedTrial, aside: Path, attachments: Sequence[Path]) -> RecorderProcess:
+    def _run(self, trial: PlannedTrial, bag: Path, attachments: Sequence[Path]) -> RecorderProcess:
         """From the recorder's start to its end: the time in which legs and air are commanded."""
         self._commanding, ended = True, "interrupted"
         images = frames_kept(self._plan, trial)
         self.desk.enter("starting the recorder")
-        recorder = RecorderProcess(aside, images, attachments, self.get_namespace())
+        recorder = RecorderProcess(bag, images, attachments, self.get_namespace())
         try:
             self._begin_recording(recorder, trial)
             self._prepare_bed()
@@ -180,13 +181,13 @@ class Operator(Node):
             if ended != OK:
                 self._make_safe()
             self._recorder, self._commanding, self._running = None, False, ""
-            self._hearing.watch_nobody()
+            self._hearing.stop_watching()
             self.desk.enter("closing the bag")
             self._end_recording(recorder, ended)
         return recorder
 
-    def _look_at_settings(self) -> None:
-        """Before the first trial: what the plan does not say of the bed is as it was launched, in all of them."""
+    def _read_settings(self) -> None:
+        """Before the first trial: bed settings that the plan leaves open are as launched, in all trials."""
         if self._found:
             return
         bed = self._orders.get("bed", [spec.name for spec in specs(ProtocolParameters)])
@@ -195,43 +196,43 @@ class Operator(Node):
         target = self._orders.get("bed", ["target_phi"])
         self._found = {"bed": bed | target, "clock": self._orders.get("clock", ["max_run_s"])}
 
-    def leave_as_found(self) -> None:
-        """Bed and clock get back what they had before the first trial: it is not for the next campaign."""
+    def restore_settings(self) -> None:
+        """Restore the parameters that bed and clock had before the first trial."""
         answers = [self._orders.send_values(name, values) for name, values in self._found.items()]
         self._spin_until(lambda: all(answer.done() for answer in answers), LEAVE_S)
 
     def _set_up(self, trial: PlannedTrial) -> None:
         self._hearing.forget_trial()
-        self._tell_gait(trial)
+        self._set_gait(trial)
         self._orders.set("bed", asdict(self._bed) | {"target_phi": trial.phi})
         if self._gate.has_lab:
             occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
             self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
             self._orders.call("/lab/reset")
 
-    def _tell_gait(self, trial: PlannedTrial) -> None:
-        # After the trial before, the legs stand where they stopped; every trial starts from the same stance. First of
-        # all: a clock that runs for somebody else refuses, and its legs go on as he told them to.
+    def _set_gait(self, trial: PlannedTrial) -> None:
+        # The legs stand where the last trial stopped, but every trial starts from the same stance. Home comes first: a
+        # clock that runs for somebody else refuses it, and its gait then stays unchanged.
         self._orders.call("/clock/home")
-        self._orders.set("clock", _walk_of(self._plan.of(trial), trial))
+        self._orders.set("clock", _clock_parameters(self._plan.for_trial(trial), trial))
 
     def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
         self._recorder, ready_s = recorder, self._hearing.now_s
         self._hearing.expect_recorder(recorder.pid)
-        # On a busy machine it may be found seconds after it is ready.
+        # On a busy machine it may be discovered seconds after it is ready.
         if not self._wait(lambda: self._hearing.heard_since(RECORDER, ready_s), DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
         self._hearing.require_recorder()
-        # Only now: a bag begins with the state of its own trial.
-        told = trial_message(self._plan.of(trial), trial, self._robot, time.time_ns(), self._bed)
-        self._trial.publish(messages.string(told))
+        # Only now, so that the bag begins with its own trial.
+        content = trial_message(self._plan.for_trial(trial), trial, self._robot, time.time_ns(), self._bed)
+        self._trial.publish(messages.string(content))
 
     def _await_first_record(self) -> None:
-        """One that took the place of another that was killed is heard, now and then, and hears nobody itself."""
+        """A recorder that replaces a killed one sometimes is heard but receives nothing itself."""
         if not self._wait(lambda: self._hearing.recorded > 0, DISCOVERY_S):
-            raise TrialFailed("the recorder hears nobody, so that nobody walks; the next trial has another one")
+            raise TrialFailed("the recorder receives nothing, so the legs do not start; the next trial gets a new one")
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
         recorder.tell(ended)
@@ -250,10 +251,10 @@ class Operator(Node):
             raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
 
     def _walk(self, trial: PlannedTrial) -> None:
-        legs, before = self._hearing, self._hearing.told["tracker"].values
+        legs, before = self._hearing, self._hearing.statuses["tracker"].values
         duration_s = self._plan.duration_s(trial.omega_rad_s)
-        # Once more: while the bed was prepared somebody may have set another ω, and the row tells the plan's.
-        self._tell_gait(trial)
+        # Once more: somebody may have set another ω while the bed was prepared, but the row will have the plan's.
+        self._set_gait(trial)
         self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
@@ -269,24 +270,24 @@ class Operator(Node):
             self._explain_rest()
         legs.watch()
         self._orders.call("/clock/stop")
-        # Until the legs report rest, late reports of this trial could be taken for the start of the next.
+        # Before the legs report rest, late reports of this trial could be mistaken for the start of the next.
         if not self._wait(lambda: not legs.moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
-        if fault := camera_fault(before, self._hearing.told["tracker"].values):
+        if fault := camera_fault(before, self._hearing.statuses["tracker"].values):
             raise TrialFailed(fault)
 
     def _await_last_frame(self, last_ns: int) -> None:
-        """Frames are still on their way through the tracker: for milliseconds, or seconds on a busy machine."""
+        """Wait for frames that the tracker still processes: milliseconds, or seconds on a busy machine."""
         tracker = self._hearing
         self._wait(lambda: tracker.speed_ns >= last_ns or tracker.is_quiet(TRACKER_SPEED), DRAIN_S)
         asked_s = tracker.now_s
         self._wait(lambda: tracker.heard_since("tracker", asked_s, topics.DIAGNOSTICS.name), CALL_S)
 
     def _explain_rest(self) -> None:
-        """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
+        """Legs came to rest in mid-trial: a fault ends the trial, a stop by hand the campaign."""
         self._commanding = False
-        # Whoever reports the legs may have seen before us that the clock is gone.
+        # The node that reports the legs may have noticed before us that the clock is gone.
         hearing = self._hearing
         self._spin_until(lambda: bool(hearing.clock_fault or self._fault()) or self.hold.now, EXPLAIN_S)
         if self.hold.now:
@@ -296,7 +297,7 @@ class Operator(Node):
         self._stopped_by_hand("the legs were stopped by hand")
 
     def _stopped_by_hand(self, what: str) -> NoReturn:
-        """Somebody stopped legs or air, and perhaps has not told us yet: nothing goes on unless he says so."""
+        """Somebody stopped legs or air, perhaps without telling us yet: hold until they say go, or end the campaign."""
         self._spin_until(lambda: self.hold.now, EXPLAIN_S)
         if not self.hold.now and not self.desk.attended:
             raise CampaignEnds(f"{what}; start the campaign again to go on")
@@ -305,7 +306,7 @@ class Operator(Node):
         raise Held(self.hold.why)
 
     def _make_safe(self) -> None:
-        """Ask clock and bed to stop; should they not hear it, the lease they no longer get does."""
+        """Ask clock and bed to stop; if they don't hear it, the lease that is no longer renewed stops them."""
         self._commanding = False
         for name in ("/clock/stop", "/bed/abort"):
             self._orders.send(name)
@@ -313,12 +314,12 @@ class Operator(Node):
         self._spin_until(lambda: not self._hearing.moving, SAFE_S)
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Whether the condition came to hold; raises as soon as there is no point in waiting any longer."""
+        """Whether the condition became true in time; raises as soon as there is no point in waiting any longer."""
 
-        def wrong() -> bool:
+        def hopeless() -> bool:
             return self._ending or self._stopped or bool(self._fault())
 
-        self._spin_until(lambda: condition() or wrong(), timeout_s)
+        self._spin_until(lambda: condition() or hopeless(), timeout_s)
         self._end_if_asked()
         if self._stopped:
             raise Held(self.hold.why)
@@ -328,7 +329,7 @@ class Operator(Node):
 
     @property
     def _stopped(self) -> bool:
-        """Whether what is under way is to end at once; while nodes are still looked for nothing is."""
+        """Whether the trial under way is to end at once; there is none while nodes are still being looked for."""
         return self.hold.now and self._lease is not None
 
     @property
@@ -342,15 +343,15 @@ class Operator(Node):
             raise CampaignEnds(self._health.refused)
 
     def _fault(self) -> str:
-        """What spoils the trial under way; an empty string if nothing does, or none is."""
+        """Why the trial under way is spoilt; an empty string if it is not, or if there is none."""
         if self._recorder is None:
             return ""
-        level, text, values = self._hearing.told.get(RECORDER, Told())
+        level, text, values = self._hearing.statuses.get(RECORDER, NodeStatus())
         if level > 1:
-            # A full disk, say: what the legs do from now on is lost, so they stop.
+            # E.g. a full disk: nothing more is recorded, so the legs stop.
             return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"
         if values.get("state", "recording") != "recording":
-            # By /recorder/pause or /recorder/stop: nobody walks on unrecorded.
+            # By /recorder/pause or /recorder/stop: the legs must not walk on unrecorded.
             return f"the recorder {text}"
         if self._recorder.ended:
             return f"the recorder ended: {self._recorder.why_ended}"
@@ -370,7 +371,7 @@ class Operator(Node):
         return True
 
     def _renew(self, now_s: float) -> None:
-        # From this loop, not from a thread: a campaign that is stuck commands nothing.
+        # From this loop, not from a thread: a stuck campaign must not command.
         if self._commanding and self._lease is not None and now_s - self._renewed_s >= RENEW_S:
             self._renewed_s = now_s
             self._lease.publish(messages.header(self.get_clock().now().nanoseconds, self.get_name()))

@@ -1,4 +1,4 @@
-"""Where the project's own plans, calibrations and tables lie once installed, and reading those a plan names."""
+"""Where the project's own plans, calibrations and tables are installed, and reading the files a plan names."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ from sandbot_common.suggest import did_you_mean
 from sandbot_tracking.calibration import Camera, read_cameras
 
 NO_CHOICE = ("cameras.yaml", "nodes.yaml", "robot.yaml")
-"""Files of the folder that are neither plan nor world."""
+"""Files in the folder that are neither plan nor world."""
 
 
 def config_folder() -> Path:
@@ -21,21 +21,21 @@ def config_folder() -> Path:
 
 
 def shipped(path: Path) -> Path:
-    """``path``, or the project's own file of that name where there is none here. Raises InputError for neither."""
+    """``path``, or the project's own file of that name if there is none here. Raises InputError if there is neither."""
     own = config_folder() / path
     if path.exists() or path.parent != Path():
         return path
     if own.is_file():
         return own
-    names = sorted(one.name for one in config_folder().glob("*.yaml") if one.name not in NO_CHOICE)
+    names = sorted(file.name for file in config_folder().glob("*.yaml") if file.name not in NO_CHOICE)
     raise InputError(f"{path}: no such file{did_you_mean(str(path), names)}")
 
 
 def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
-    """robot.yaml and cameras.yaml as text: the campaign's own once a trial is finished or where it is resumed, else
+    """robot.yaml and cameras.yaml as text: the campaign's own once a trial is finished or when it is resumed, else
     those the plan names (relative to ``beside``), else the project's.
 
-    Raises InputError where a file is missing or does not say what it should.
+    Raises InputError if a file is missing or invalid.
     """
     files = {}
     # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
@@ -56,7 +56,7 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
 
 
 def _check_cameras(cameras: Mapping[str, Camera], path: Path) -> None:
-    """Both cameras are there, and film at one rate: the tracker works on pairs of frames."""
+    """Raises InputError unless both cameras are present and share a frame rate: the tracker works on frame pairs."""
     if set(cameras) != {"dorsal", "lateral"}:
         raise InputError(f"{path}: cameras {', '.join(cameras)}: dorsal and lateral are needed, and no others")
     rates = {name: camera.frame_rate_hz for name, camera in cameras.items()}

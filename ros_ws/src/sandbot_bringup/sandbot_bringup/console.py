@@ -1,7 +1,7 @@
-"""What the console page shows, and nothing of how it is heard or served: the state of the running trackway. Pure.
+"""The state of the running trackway that the console page shows, without ROS or HTTP. Pure.
 
-Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`` is what the page draws. Of the trial
-under way only: what the one before it measured goes when /trial tells of another.
+Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`` is what the page draws. It covers only
+the trial under way: measurements of the last one are cleared when /trial announces another.
 """
 
 import json
@@ -23,12 +23,12 @@ HISTORY_S = 5.0
 
 RATE_WINDOW_S = 2.0
 SILENT_S = 2.0
-"""A topic that ought to be heard and is not for this long is called silent."""
+"""An expected topic without messages for this long is called silent."""
 LOG_LINES = 200
 
 ALWAYS = {topics.BED_HEIGHT.name, topics.BED_BLOWER.name, topics.BED_STATUS.name, topics.DIAGNOSTICS.name}
-WALKING = {one.name for one in (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SPEED, *topics.LANDMARKS.values())}
-"""What is heard while legs move. Of all other topics silence means nothing."""
+WALKING = {topic.name for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SPEED, *topics.LANDMARKS.values())}
+"""Topics expected while legs move. On all other topics silence means nothing."""
 PASSING = {"recorder", "campaign"}
 """Nodes that come and go."""
 BUSY = tuple(stage for stage in Stage if stage.busy)
@@ -42,7 +42,7 @@ class Series:
         self._points: deque[tuple[float, float]] = deque()
 
     def add(self, t_s: float, value: float) -> None:
-        """Append a point; a stamp before the last one (a new trial, a replay from the start) begins anew."""
+        """Append a point; a stamp before the last one (a new trial, a replay from the start) restarts the series."""
         if self._points and t_s < self._points[-1][0]:
             self._points.clear()
         self._points.append((t_s, value))
@@ -50,16 +50,16 @@ class Series:
             self._points.popleft()
 
     def clear(self) -> None:
-        """A new trial."""
+        """Start a new trial."""
         self._points.clear()
 
     @property
     def latest_s(self) -> float:
-        """The last time stamp, minus infinity where there is none."""
+        """The last time stamp, minus infinity if there is none."""
         return self._points[-1][0] if self._points else -math.inf
 
     def columns(self, zero_s: float) -> dict[str, list[float | None]]:
-        """Times before ``zero_s`` [s, not positive] and values; not measured (NaN) is None, a gap in the plot."""
+        """Times relative to ``zero_s`` [s, not positive] and values; NaN becomes None, a gap in the plot."""
         return {
             "t_s": [round(t_s - zero_s, 4) for t_s, _ in self._points],
             "value": [round(value, 5) if math.isfinite(value) else None for _, value in self._points],
@@ -67,14 +67,14 @@ class Series:
 
 
 class Arrivals:
-    """When the messages of one topic came: their rate and how long ago the last one was."""
+    """Arrival times of the messages of one topic: their rate, and the age of the last one."""
 
     def __init__(self) -> None:
         self._times: deque[float] = deque()
         self._first_s = math.inf
 
     def add(self, now_s: float) -> None:
-        """A message came."""
+        """A message has arrived."""
         self._first_s = min(self._first_s, now_s)
         self._times.append(now_s)
         self._forget(now_s)
@@ -82,8 +82,8 @@ class Arrivals:
     def health(self, now_s: float, latched: bool, expected_since_s: float = -math.inf) -> dict[str, Any]:
         """``state``, ``rate_hz`` and ``age_s``.
 
-        State: waiting for the first one; ok; held for a latched one that has come; else silent where messages are
-        expected (since ``expected_since_s``, infinite: they are not), and quiet where not.
+        State: waiting for the first message; ok; held for a latched topic that has had one; else silent if messages are
+        expected (since ``expected_since_s``; infinite: they are not), and quiet if not.
         """
         if not math.isfinite(self._first_s):
             return {"state": "waiting", "rate_hz": 0.0, "age_s": None}
@@ -96,20 +96,20 @@ class Arrivals:
         return {"state": state, "rate_hz": round(recent / heard, 1), "age_s": round(age_s, 1)}
 
     def _forget(self, now_s: float) -> None:
-        # The last one stays, however old: its age is what is asked for.
+        # The last one is kept, however old, as its age is needed.
         while len(self._times) > 1 and now_s - self._times[0] > RATE_WINDOW_S:
             self._times.popleft()
 
 
 @dataclass
 class Packing:
-    """φ and height of the bed against pulses, in the preparation under way or the last one."""
+    """φ and height of the bed against pulses, in the current or last preparation."""
 
     points: list[dict[str, float]] = field(default_factory=list)
     _busy: bool = False
 
     def add(self, values: Mapping[str, str]) -> None:
-        """What /bed/status says. A point is there when φ has been measured after a pulse (or after fluidising)."""
+        """Add the values of a /bed/status: a point for each φ measured after a pulse (or after fluidising)."""
         busy = values.get("stage") in BUSY
         if busy and not self._busy:
             self.points.clear()
@@ -118,7 +118,7 @@ class Packing:
         if not math.isfinite(figures["phi"] + figures["height_m"]):
             return
         if values.get("stage") == "pulse":
-            figures["pulses"] -= 1  # the one that is given now came after φ
+            figures["pulses"] -= 1  # the current pulse began after φ was measured
         point = {key: value for key, value in figures.items() if math.isfinite(value)}
         last = self.points[-1] if self.points else {}
         if any(point.get(key) != last.get(key) for key in ("refluidised", "phi")):
@@ -127,7 +127,7 @@ class Packing:
 
 @dataclass
 class NodeHealth:
-    """What a node last said of itself on /diagnostics."""
+    """A node's last status on /diagnostics."""
 
     level: int
     text: str
@@ -135,7 +135,7 @@ class NodeHealth:
     heard_s: float
 
     def shown(self, name: str, now_s: float) -> dict[str, Any]:
-        """Its state: ok, warning, error, gone (it said so, or comes and goes) or silent."""
+        """Its state: ok, warning, error, gone (announced, or of a node that comes and goes) or silent."""
         silent = now_s - self.heard_s > SILENT_S
         gone = silent and (name in PASSING or self.text.startswith("ended"))
         state = "gone" if gone else "silent" if silent else ("ok", "warning", "error", "error")[min(self.level, 3)]
@@ -149,7 +149,7 @@ class RecorderRate:
         self._sizes: deque[tuple[float, float]] = deque()
 
     def add(self, size_bytes: float, now_s: float) -> None:
-        """The bag's size; a smaller one is another bag."""
+        """Add the bag's size; a smaller size means another bag."""
         if self._sizes and size_bytes < self._sizes[-1][1]:
             self._sizes.clear()
         self._sizes.append((now_s, size_bytes))
@@ -157,7 +157,7 @@ class RecorderRate:
             self._sizes.popleft()
 
     def figures(self, free_bytes: float) -> dict[str, float | None]:
-        """``rate_bytes_s`` and ``left_s`` until the recorder would stop; None where not known."""
+        """``rate_bytes_s`` and ``left_s`` until the recorder would stop; None if unknown."""
         if len(self._sizes) < 2 or self._sizes[-1][0] <= self._sizes[0][0]:
             return {"rate_bytes_s": None, "left_s": None}
         (t0, first), (t1, last) = self._sizes[0], self._sizes[-1]
@@ -168,7 +168,7 @@ class RecorderRate:
 
 @dataclass
 class Console:
-    """The state behind the page. Every method is cheap; the node calls them as messages come."""
+    """The state behind the page. Every method is cheap; the node calls them as messages arrive."""
 
     latched: Mapping[str, bool]
     arrivals: dict[str, Arrivals] = field(init=False)
@@ -196,7 +196,7 @@ class Console:
         self.arrivals[topic].add(now_s)
 
     def set_trial(self, text: str) -> None:
-        """What /trial says (JSON); other text is shown as it is. Another trial begins with nothing measured."""
+        """Set the content of /trial (JSON; other text is shown verbatim). A new trial clears all measurements."""
         content = _json(text, topics.TRIAL.name)
         trial = content if isinstance(content, dict) else {"trial_id": text}
         if (trial.get("trial_id"), trial.get("start")) != (self.trial.get("trial_id"), self.trial.get("start")):
@@ -209,12 +209,12 @@ class Console:
         self.trial = trial
 
     def set_bed(self, values: Mapping[str, str]) -> None:
-        """What /bed/status says."""
+        """Set the values of /bed/status."""
         self.bed.update(values)
         self.packing.add(values)
 
     def set_node(self, name: str, level: int, text: str, values: Mapping[str, str], now_s: float) -> None:
-        """What a node says of itself on /diagnostics."""
+        """Set a node's status from /diagnostics."""
         self.nodes[name] = NodeHealth(level, text, values, now_s)
         if name == "clock":
             running = values.get("running") == "True"
@@ -224,20 +224,20 @@ class Console:
             self.recorder.add(size, now_s)
 
     def set_campaign(self, text: str, now_s: float) -> None:
-        """What campaign/status says."""
+        """Set the content of campaign/status."""
         content = _json(text, topics.CAMPAIGN_STATUS.name)
         if isinstance(content, dict):
             self.campaign, self._campaign_s = content, now_s
 
     def set_curve(self, text: str) -> None:
-        """The model's curve at the φ of a trial, kept under the φ it was meant to have."""
+        """Set the model's curve at the φ of a trial, stored under the trial's target φ."""
         content = _json(text, topics.MODEL_CURVE.name)
         if isinstance(content, dict) and "phi" in content:
-            meant = _number(self.trial.get("phi_target", content["phi"]))
-            self.curves[f"{meant:.4f}"] = content
+            target = _number(self.trial.get("phi_target", content["phi"]))
+            self.curves[f"{target:.4f}"] = content
 
     def new_picture(self, camera: str, seen: Sequence[str] = ()) -> None:
-        """A newer picture of ``camera`` is there, with the marks ``seen`` drawn in."""
+        """A newer picture of ``camera`` is available, with the marks ``seen`` drawn in."""
         number = self.pictures.get(camera, {"number": 0})["number"] + 1
         self.pictures[camera] = {"number": number, "seen": list(seen)}
 
@@ -246,7 +246,7 @@ class Console:
         self.log.append({"at": at, "who": who, "text": text})
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
-        """All of it as plain values for JSON (no NaN)."""
+        """The whole state as plain values for JSON (no NaN)."""
         zero_s = max(self.measured.latest_s, self.predicted.latest_s)
         safety = self.safety.statement(now_s)
         return {
@@ -267,8 +267,8 @@ class Console:
         }
 
     def under_way(self, now_s: float) -> bool:
-        """Whether legs or air do what they were told, as clock and bed say of themselves."""
-        clock, bed = self._said("clock", now_s), self._said("bed", now_s)
+        """Whether legs or air are being commanded, as clock and bed report."""
+        clock, bed = self._recent("clock", now_s), self._recent("bed", now_s)
         return clock.get("running") == "True" or bed.get("stage") in BUSY
 
     @property
@@ -276,10 +276,11 @@ class Console:
         return list(self.arrivals.items())
 
     def _expected(self, topic: str) -> float:
-        """Since when a topic ought to be heard; infinity where it need not be."""
+        """Since when messages of a topic are expected; infinity if they are not."""
         return -math.inf if topic in ALWAYS else self._walking_since_s if topic in WALKING else math.inf
 
-    def _said(self, node: str, now_s: float) -> Mapping[str, str]:
+    def _recent(self, node: str, now_s: float) -> Mapping[str, str]:
+        """A node's values on /diagnostics; empty if it is silent."""
         health = self.nodes.get(node)
         return health.values if health is not None and now_s - health.heard_s <= SILENT_S else {}
 
@@ -290,7 +291,7 @@ class Console:
         return {"target_phi": _or_none(target), "tolerance": _or_none(tolerance)}
 
     def _timing(self, now_s: float) -> dict[str, str]:
-        tracker, clock = self._said("tracker", now_s), self._said("clock", now_s)
+        tracker, clock = self._recent("tracker", now_s), self._recent("clock", now_s)
         named = {
             "exposure to speed, median": (tracker, "latency_ms_median", "ms"),
             "99 %": (tracker, "latency_ms_p99", "ms"),
@@ -305,15 +306,15 @@ class Console:
         }
 
     def _recorder(self, now_s: float) -> dict[str, float | None]:
-        said = self._said("recorder", now_s)
-        if not said:
+        values = self._recent("recorder", now_s)
+        if not values:
             return {}
-        figures = {key: _or_none(_number(said.get(key))) for key in ("written", "lost", "bytes", "free_bytes")}
+        figures = {key: _or_none(_number(values.get(key))) for key in ("written", "lost", "bytes", "free_bytes")}
         return {**figures, **self.recorder.figures(figures["free_bytes"] or math.nan)}
 
 
 def _json(text: str, where: str) -> Any:
-    """What may go on to the page: JSON proper, for it could read none with NaN."""
+    """The parsed text, None unless it is strict JSON: the page can't parse NaN."""
     try:
         content = parse_json(text, where)
         json.dumps(content, allow_nan=False)
@@ -341,7 +342,7 @@ class Throttle:
         self._next_s = -math.inf
 
     def __call__(self) -> bool:
-        """Whether it is time again."""
+        """Whether a period has passed."""
         now_s = self._clock()
         if now_s < self._next_s:
             return False

@@ -1,7 +1,7 @@
-"""The console node: hears everything, shows it on a page of this host, and does what the page's operator asks for.
+"""The console node: shows all topics on a page of this host, and carries out the operator's orders.
 
-What is said of safety comes from every message of legs and blower, none thrown away. Frames and speeds may get lost: a
-page must show what is now.
+The safety state is based on every message of legs and blower, none dropped. Frames and speeds may get lost: the page
+must show the present.
 """
 
 import json
@@ -42,15 +42,15 @@ ACTIONS: Mapping[str, str] = {
 }
 """What the page's buttons call: std_srvs/Trigger services."""
 LEASED = ("prepare", "start")
-"""What goes on only while the console lives and a page looks on."""
+"""Actions whose effect lasts only while the console is alive and a page is open."""
 _ENDS = ("abort", "halt")
-"""What ends it, as STOP does."""
+"""Actions that end them, as STOP does."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
-"""What STOP calls, all at once; each by itself is enough to end motion and air of a campaign."""
+"""Services that STOP calls, all at once; each alone is enough to end motion and air of a campaign."""
 
 CALL_S = 5.0
 STOP_S, ASK_AGAIN_S, LOOK_S = 3.0, 0.25, 0.01
-"""How long STOP is seen through, how soon it is said again where nobody answers, how often it is looked."""
+"""How long STOP waits for rest, after which time it repeats an unanswered call, and how often it checks."""
 
 SHOWN = (
     *(topic for topic in topics.ALL if topic not in {view.jpeg for view in topics.VIEWS.values()}),
@@ -67,13 +67,13 @@ _NUMBERS = {
     topics.LIFT: "lift_m",
 }
 _EXACT = {topics.LEG_STATES, topics.BED_BLOWER, topics.BED_STATUS, topics.DIAGNOSTICS}
-"""Not one of these may be lost. Of the others that may: a reliable reader of a busy host stood still for 1 to 2 s."""
+"""None of these may be lost. The others are best effort, as a reliable reader on a busy host stalled for 1 to 2 s."""
 PICTURES_KEPT = 10
-"""Frames in wait. The topic's own depth would keep 60 MB a camera once a busy machine has filled it, all of it old."""
+"""Queued frames. The topic's own depth would, on a busy machine, fill up with 60 MB of old frames per camera."""
 
 
 def delivery(topic: Topic) -> QoSProfile:
-    """How the console hears a topic."""
+    """The QoS with which the console subscribes to a topic."""
     best_effort = not topic.latched and topic not in _EXACT
     return node.qos(topic, best_effort=best_effort, depth=PICTURES_KEPT if topic in _IMAGES else None)
 
@@ -82,7 +82,7 @@ _FIXED = node.fixed("the console's parameters are read at the start: restart it 
 
 
 class ConsoleNode(Node):
-    """Messages come serialized; only what is shown is ever decoded, and pictures only as often as they are shown."""
+    """Messages arrive serialized; only what is shown is decoded, and pictures only as often as they are shown."""
 
     actions = ACTIONS.keys()
 
@@ -98,7 +98,7 @@ class ConsoleNode(Node):
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
-        self._lease, self._watched_s = PageLease(self, self._goes_on), -math.inf
+        self._lease, self._watched_s = PageLease(self, self._lease_needed), -math.inf
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port)
         for topic in SHOWN:
@@ -117,7 +117,7 @@ class ConsoleNode(Node):
         return self._pictures.get(camera)
 
     def call(self, action: str) -> tuple[bool, str]:
-        """Call the service of an action and wait for its answer (called from the server's threads)."""
+        """Call the service of an action and wait for its response (called from the server's threads)."""
         with self._lock:
             self._stops += action in _ENDS
             stops = self._stops
@@ -127,33 +127,33 @@ class ConsoleNode(Node):
     def _call(self, action: str, service: str, stops: int) -> tuple[bool, str]:
         client = self._triggers[service]
         if not client.service_is_ready():
-            return self._said(action, False, f"nobody offers {service}")
+            return self._logged(action, False, f"nobody offers {service}")
         answered = threading.Event()
-        with self._lock:  # whatever stops from here on is sent after this
+        with self._lock:  # any later stop is sent after this call
             future = client.call_async(Trigger.Request()) if stops == self._stops or action not in LEASED else None
         if future is None:
-            return self._said(action, False, "stopped meanwhile")
+            return self._logged(action, False, "stopped meanwhile")
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(CALL_S):
-            return self._said(action, False, f"no answer from {service} within {CALL_S:g} s")
+            return self._logged(action, False, f"no answer from {service} within {CALL_S:g} s")
         response = future.result()
-        if response.success and "campaign" in service:  # its journal tells of it
+        if response.success and "campaign" in service:  # its journal has it
             return True, response.message
-        return self._said(action, response.success, response.message)
+        return self._logged(action, response.success, response.message)
 
     def stop(self) -> tuple[bool, str]:
-        """End motion and air and hold the campaign; whether all is seen to be at rest, and how soon it was."""
+        """End motion and air and hold the campaign; returns whether all was seen at rest, and how soon."""
         begun_s = time.monotonic()
         with self._lock:
             self._stops += 1
-        asked = {name: _Asked(self._triggers[service]) for name, service in STOP.items()}
+        calls = {name: _RepeatedCall(self._triggers[service]) for name, service in STOP.items()}
         answered = at_rest = False
         while not (answered and at_rest) and time.monotonic() - begun_s < STOP_S:
-            answered = all([one.again(time.monotonic()) for one in asked.values()])  # no short cut: each is asked
+            answered = all([call.poll(time.monotonic()) for call in calls.values()])  # a list: each must be called
             with self._lock:
                 at_rest = self._state.safety.at_rest(time.monotonic())
             self._closing.wait(LOOK_S)
-        return self._said("STOP", at_rest, f"{self._what_stopped(begun_s)}; {asked['campaign'].said('the campaign')}")
+        return self._logged("STOP", at_rest, f"{self._what_stopped(begun_s)}; {calls['campaign'].said('the campaign')}")
 
     def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
         """Send an order to the campaign (skip, repeat, add) and wait for its answer."""
@@ -168,23 +168,23 @@ class ConsoleNode(Node):
             if answer is not None and answer["success"]:
                 return True, answer["message"]
             if answer is not None:
-                return self._said(str(what.get("do")), False, answer["message"])
+                return self._logged(str(what.get("do")), False, answer["message"])
             self._closing.wait(LOOK_S)
-        return self._said(str(what.get("do")), False, f"no answer from the campaign within {CALL_S:g} s")
+        return self._logged(str(what.get("do")), False, f"no answer from the campaign within {CALL_S:g} s")
 
     def acknowledge(self) -> tuple[bool, str]:
         """The operator has seen that air was on while legs moved."""
         with self._lock:
             self._state.safety.acknowledge()
-        return self._said("acknowledge", True, "seen")
+        return self._logged("acknowledge", True, "seen")
 
     def close(self) -> None:
-        """End whoever waits, and the server."""
+        """End pending calls, and the server."""
         self._closing.set()
         self._server.shutdown()
 
-    def _goes_on(self) -> bool:
-        """Whether legs or air do what they were told, and a page looks on."""
+    def _lease_needed(self) -> bool:
+        """Whether legs or air are being commanded, and a page is open."""
         now_s = time.monotonic()
         with self._lock:
             return now_s - self._watched_s <= OLD_S and self._state.under_way(now_s)
@@ -199,15 +199,15 @@ class ConsoleNode(Node):
         off = f"air off after {off_s:.2f} s" if air.state == "off" and off_s > 0 else air.text
         return f"{rest}; {off}"
 
-    def _said(self, action: str, success: bool, message: str) -> tuple[bool, str]:
+    def _logged(self, action: str, success: bool, message: str) -> tuple[bool, str]:
         with self._lock:
             self._state.note(_now(), "operator", f"{action}: {'' if success else 'REFUSED: '}{message}")
         return success, message
 
     def _listener(self, topic: Topic) -> Callable[[bytes], None]:
         kind = messages.message_class(topic.type)
-        show = self._shower(topic)
-        # Of frames only as many as are shown are decoded; of the rest every one.
+        show = self._handler(topic)
+        # Frames are decoded only as often as they are shown, all other messages always.
         due = Throttle(1 / self._settings.picture_rate_hz, time.monotonic) if topic in _IMAGES else lambda: True
 
         def on_message(data: bytes) -> None:
@@ -218,7 +218,7 @@ class ConsoleNode(Node):
 
         return on_message
 
-    def _shower(self, topic: Topic) -> Callable[[Any], None] | None:
+    def _handler(self, topic: Topic) -> Callable[[Any], None] | None:
         state = self._state
         if topic in _IMAGES:
             return lambda message: self._on_picture(_IMAGES[topic], message)
@@ -234,7 +234,7 @@ class ConsoleNode(Node):
             topics.MODEL_CURVE: lambda message: state.set_curve(message.data),
             topics.SPEED: lambda message: state.measured.add(*_v_x(message)),
             topics.MODEL_SPEED: lambda message: state.predicted.add(*_v_x(message)),
-            **{one: self._setter(name) for one, name in _NUMBERS.items()},
+            **{number: self._setter(name) for number, name in _NUMBERS.items()},
         }
         return self._locked(changes[topic]) if topic in changes else None
 
@@ -242,16 +242,16 @@ class ConsoleNode(Node):
         return lambda message: self._state.values.update({name: message.data})
 
     def _on_bed(self, message: Any) -> None:
-        for one in message.status:
-            self._state.set_bed(messages.values_of(one))
+        for status in message.status:
+            self._state.set_bed(messages.values_of(status))
 
     def _on_diagnostics(self, message: Any) -> None:
-        for one in message.status:
-            level, before = one.level[0], self._state.nodes.get(one.name)
+        for status in message.status:
+            level, before = status.level[0], self._state.nodes.get(status.name)
             if (before.level if before else 0) != level:
-                said = ("is ok again", "warns: " + one.message, "error: " + one.message)[min(level, 2)]
-                self._state.note(_now(), one.name, said)
-            self._state.set_node(one.name, level, one.message, messages.values_of(one), time.monotonic())
+                text = ("is ok again", "warns: " + status.message, "error: " + status.message)[min(level, 2)]
+                self._state.note(_now(), status.name, text)
+            self._state.set_node(status.name, level, status.message, messages.values_of(status), time.monotonic())
 
     def _locked(self, change: Callable[[Any], object]) -> Callable[[Any], None]:
         def guarded(message: Any) -> None:
@@ -284,8 +284,8 @@ class ConsoleNode(Node):
             self._state.new_picture(camera, drawn.seen)
 
 
-class _Asked:
-    """A Trigger service that is asked until it answers; one that nobody offers is not waited for."""
+class _RepeatedCall:
+    """A Trigger service that is called until it answers; one that nobody offers is not waited for."""
 
     def __init__(self, client: Client) -> None:
         self._client = client
@@ -294,17 +294,17 @@ class _Asked:
 
     @property
     def response(self) -> Any:
-        """What it answered, None as yet."""
-        return next((one.result() for one in self._futures if one.done()), None)
+        """Its response, None before there is one."""
+        return next((future.result() for future in self._futures if future.done()), None)
 
     def said(self, who: str) -> str:
-        """Its answer, or that there is none."""
+        """Its response in words, or that there is none."""
         if (response := self.response) is not None:
             return str(response.message)
         return f"{who} DOES NOT ANSWER" if self._futures else f"{who} is not there"
 
-    def again(self, now_s: float) -> bool:
-        """Ask if it is time; whether there is nothing to wait for."""
+    def poll(self, now_s: float) -> bool:
+        """Call again if due; returns whether there is nothing more to wait for."""
         if self.response is not None or not self._client.service_is_ready():
             return True
         if now_s >= self._next_s:

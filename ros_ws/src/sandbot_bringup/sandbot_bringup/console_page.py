@@ -1,8 +1,8 @@
-"""The console over HTTP: one page, its state as often as it asks, two pictures, and what its operator asks for. No ROS.
+"""The console over HTTP: one page, its state on request, two pictures, and the operator's orders. No ROS.
 
-Loopback only, and it obeys this page alone: the Host must be this host (a name that was rebound to it is not) and a
-header is asked for that another site's page can't send. It holds the time of the state on which the page acts: what was
-asked of a process that was frozen meanwhile, or by a page that was, starts nothing.
+Loopback only, and it obeys only its own page: the Host must be this host (against DNS rebinding), and a header is
+required that another site's page can't send. The header holds the time of the state on which the page acts, so that a
+request delayed by a frozen process or page starts nothing.
 """
 
 import json
@@ -22,20 +22,20 @@ from sandbot_common.errors import InputError
 
 HOST = "127.0.0.1"
 OLD_S = 2.0
-"""Who asks for motion or air has seen a state of the trackway no older than that."""
+"""A request for motion or air must be based on a state of the trackway no older than this."""
 _OWN_HEADER = "X-Trackway"
 _ENDS = ("abort", "halt", "pause")
-"""What ends something is done however late."""
+"""Actions that end something are carried out however late."""
 
 
 class Source(Protocol):
-    """What the page needs of the node; called from the server's threads."""
+    """What the page needs from the node; called from the server's threads."""
 
     actions: Collection[str]
-    """What ``call`` can do."""
+    """The actions that ``call`` accepts."""
 
     def snapshot(self) -> Mapping[str, Any]:
-        """What to draw."""
+        """The state to draw."""
 
     def picture(self, camera: str) -> bytes | None:
         """The latest JPEG of a camera, None before the first."""
@@ -44,17 +44,17 @@ class Source(Protocol):
         """End motion and air and hold the campaign: whether all is at rest, and what was seen."""
 
     def call(self, action: str) -> tuple[bool, str]:
-        """Do one of ``actions``: success and what was said."""
+        """Carry out one of ``actions``: success and message."""
 
     def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
-        """Change the campaign's queue: success and what was said."""
+        """Change the campaign's queue: success and message."""
 
     def acknowledge(self) -> tuple[bool, str]:
-        """An overlap of air and motion has been seen by the operator."""
+        """The operator has seen an overlap of air and motion."""
 
 
 def _texts() -> dict[str, tuple[str, str]]:
-    """What the page is made of, by path: text and type. Its face is the explorer's."""
+    """The page's files by path: text and type. The base style is the explorer's."""
     own, shared = files("sandbot_bringup") / "page", files("sandbot_model.explore") / "assets"
     return {
         "": (own.joinpath("console.html").read_text(encoding="utf-8"), "text/html"),
@@ -66,7 +66,7 @@ def _texts() -> dict[str, tuple[str, str]]:
 
 
 def app(source: Source, now_s: Callable[[], float] = time.monotonic) -> Flask:
-    """The WSGI application. No answer goes on for ever: each would keep one of a browser's connections from STOP."""
+    """The WSGI application. No response is endless: each would occupy a browser connection that STOP may need."""
     page = Flask("sandbot_bringup.console", static_folder=None)
 
     @page.before_request
@@ -109,7 +109,7 @@ def _obey(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
     at_once = {"stop": source.stop, "acknowledge": source.acknowledge}
 
     def late() -> str:
-        """Why it is too late to start anything; an empty string where it is not."""
+        """Why it is too late to start anything; an empty string if it is not."""
         age_s = now_s() - request.headers.get(_OWN_HEADER, 0.0, type=float)
         return "" if abs(age_s) <= OLD_S else f"what the page knew when it asked is {age_s:.0f} s old; ask again"
 
@@ -140,9 +140,9 @@ def _answer(result: tuple[bool, str]) -> Response:
 
 
 def serve(source: Source, port: int) -> BaseWSGIServer:
-    """Serve in a thread of its own; InputError where the port is taken. ``shutdown()`` of what is returned ends it."""
+    """Serve in a separate thread; ``shutdown()`` of the returned server ends it. Raises InputError on a taken port."""
     try:
-        # Bound here: werkzeug answers a taken port with advice of its own and an exit.
+        # Bound here, because on a taken port werkzeug prints its own advice and exits.
         listening = socket.create_server((HOST, port))
     except OSError:
         raise InputError(f"console: port {port} of {HOST} is taken; set another, e.g. -p port:={port + 1}") from None
@@ -160,7 +160,7 @@ def serve(source: Source, port: int) -> BaseWSGIServer:
 
 
 class _Quiet(WSGIRequestHandler):
-    """Five states and ten pictures a second are not news."""
+    """Does not log five states and ten pictures a second."""
 
     def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
-        """Say nothing of requests that went well; errors are logged elsewhere."""
+        """Log nothing; errors are logged elsewhere."""

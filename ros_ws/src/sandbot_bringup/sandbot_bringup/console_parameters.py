@@ -1,4 +1,4 @@
-"""Parameters of the console node, and its command line: both are there before ROS is."""
+"""Parameters of the console node, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
-"""The operator's desk of a running campaign: stop, pause, go; skip, repeat, add. What is asked is answered and kept.
+"""The operator's interface to a running campaign: stop, pause, go; skip, repeat, add. Orders are answered and logged.
 
-stop, pause and go are services (``hold_node``). What needs more words comes as JSON on campaign/command: ``{"id":
+stop, pause and go are services (``hold_node``). The others come as JSON on campaign/command: ``{"id":
 "...", "do": "skip", "trial_id": "..."}``, ``repeat`` likewise, or ``{"do": "add", "phi": 0.605, "omega_rad_s": 12,
 "replicates": 2, "gait": "UNIFORM"}``; campaign/status answers by ``id``.
 """
@@ -32,9 +32,9 @@ _ANSWERS, _TAIL = 20, 60
 
 
 class Desk:
-    """Publishes campaign/status at every change and once a second; ``keep_plan`` stores a plan that has grown.
+    """Publishes campaign/status at every change and once a second; ``keep_plan`` stores an extended plan.
 
-    ``look`` is what the last look of a campaign until a verdict found.
+    ``look`` is the result of the last look of a campaign until a verdict.
     """
 
     def __init__(
@@ -59,21 +59,21 @@ class Desk:
 
     @property
     def attended(self) -> bool:
-        """Whether a console runs, from which somebody could say go."""
+        """Whether a console runs, from which an operator could say go."""
         return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.relative))
 
     def note(self, do: str, *, who: str = "campaign", **what: object) -> None:
-        """Write down what happened, and tell."""
+        """Log an event in the journal, and publish the status."""
         self._journal.add(who, do, **what)
         self.say()
 
     def enter(self, stage: str) -> None:
-        """What the trial under way is doing now; empty where none is."""
+        """Set the stage of the trial under way; empty if there is none."""
         self._stage = stage
         self.say()
 
     def say(self) -> None:
-        """Publish the status, in ASCII: what came as half a character in JSON is in no other encoding."""
+        """Publish the status in ASCII, the only encoding for a lone surrogate that JSON input may contain."""
         self._status.publish(messages.string(json.dumps(self._content(), allow_nan=False)))
 
     def _content(self) -> Mapping[str, Any]:
@@ -94,7 +94,7 @@ class Desk:
         }
 
     def _free_bytes(self) -> int | None:
-        """Room on the campaign's disk; None where it can't be asked: pulled out, say."""
+        """Free space on the campaign's disk; None if it is not accessible, e.g. unplugged."""
         try:
             return shutil.disk_usage(self._folder).free
         except OSError:
@@ -130,7 +130,7 @@ class Desk:
                     f"campaign/command: {other!r} with {sorted(what)} is no order: skip or repeat with trial_id, or "
                     "add with phi, omega_rad_s, replicates and gait"
                 )
-        # Where one can't be written, the order is refused and nothing has changed: not even what is run when resumed.
+        # If writing fails the order is refused, and nothing has changed, not even what a resumed campaign would run.
         self._journal.add("operator", do, **what, followed=said)
         if queue.plan != self.queue.plan:
             self._keep_plan(queue.plan)

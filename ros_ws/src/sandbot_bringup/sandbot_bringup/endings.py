@@ -1,4 +1,4 @@
-"""How a trial or a campaign ends before it is over."""
+"""Exceptions that end a trial or a campaign early."""
 
 from sandbot_common.errors import InputError
 

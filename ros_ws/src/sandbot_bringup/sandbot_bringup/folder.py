@@ -1,4 +1,4 @@
-"""The campaign folder: what lies where, and which trials are still to be run."""
+"""The campaign folder: its layout, and which trials are still to be run."""
 
 import dataclasses
 import fcntl
@@ -16,7 +16,7 @@ from sandbot_common.files import check_output, write_text, writing
 
 PATIENCE_S = 3.0
 PARTIAL = ".partial"
-"""Inside trials/: where a live run records until its trial is complete. Kept whatever happens."""
+"""Inside trials/: where a live run records until its trial is complete. Never deleted."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class CampaignFolder:
 
     @property
     def trials(self) -> Path:
-        """One bag a trial."""
+        """One bag per trial."""
         return self.path / "trials"
 
     @property
     def journal(self) -> Path:
-        """What happened in live runs, and what the operator changed."""
+        """Events of live runs, and the operator's changes."""
         return self.path / "journal.jsonl"
 
     @property
     def looks(self) -> Path:
-        """What each look of a campaign until a verdict found."""
+        """The result of each look of a campaign until a verdict."""
         return self.path / "looks.jsonl"
 
     @property
@@ -54,8 +54,8 @@ class CampaignFolder:
         """Where the bag of ``trial`` goes."""
         return self.trials / trial.trial_id
 
-    def aside(self, trial_id: str) -> Path:
-        """Where the bag of a trial goes that is not finished, or failed; one that is there makes room, and is kept."""
+    def partial_bag(self, trial_id: str) -> Path:
+        """Where the bag of an unfinished or failed trial goes; an earlier one there is renamed and kept."""
         path = self.trials / PARTIAL / trial_id
         with writing(self.path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,14 +67,14 @@ class CampaignFolder:
         return path
 
     def set_aside(self, bags: Mapping[str, str]) -> None:
-        """Make room for another run of what is in these bags, which are as they say: once it is sure to begin."""
+        """Move these bags, given with their statuses, to .partial, so that their trials are run again."""
         for name, status in bags.items():
             with writing(self.trials / name):
-                (self.trials / name).rename(self.aside(name))
+                (self.trials / name).rename(self.partial_bag(name))
             print(f"{name}: {status}: set aside, to be run again")
 
     def grown(self, plan: Plan) -> Plan:
-        """The plan with the extra trials this folder has been given since, if it is that plan's folder."""
+        """The plan with the extra trials added to this folder since, if it is that plan's folder."""
         if not self.plan_file.exists():
             return plan
         present = read_plan(self.plan_file)
@@ -82,7 +82,7 @@ class CampaignFolder:
         return dataclasses.replace(plan, extra_trials=present.extra_trials) if begins and _same(present, plan) else plan
 
     def check(self, plan: Plan) -> None:
-        """Raise InputError where the folder holds anything but this campaign, or what it has grown from."""
+        """Raise InputError if the folder holds anything but this campaign, or an earlier state of it."""
         if self.plan_file.exists():
             present = read_plan(self.plan_file)
             grown = plan.extra_trials[: len(present.extra_trials)] == present.extra_trials
@@ -91,9 +91,9 @@ class CampaignFolder:
                     f"{self.path}: holds campaign {present.name!r} with another plan ({_difference(present, plan)}); "
                     "give another --out, or resume it with its own campaign.yaml"
                 )
-        elif blocking := next((one for one in (self.path, *self.path.parents) if one.is_file()), None):
+        elif blocking := next((path for path in (self.path, *self.path.parents) if path.is_file()), None):
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")
-        elif self.path.exists() and any(one != self.truth.parent for one in self.path.iterdir()):
+        elif self.path.exists() and any(item != self.truth.parent for item in self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
         else:
             check_output(self.plan_file)
@@ -114,30 +114,30 @@ class CampaignFolder:
 
     @contextmanager
     def adopted(self, plan: Plan, files: Mapping[str, str], first: Callable[[], None] = lambda: None) -> Iterator[None]:
-        """The folder is this plan's, and nobody else's meanwhile: who is refused has written nothing.
+        """``adopt`` the plan and lock the folder meanwhile; if refused, nothing has been written.
 
-        ``first`` is done before the plan is there, so that no kill leaves the plan without it.
+        ``first`` runs before the plan is written, so that a kill can't leave the plan without its result.
         """
         self.check(plan)
         with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        with self.alone():
-            # Once more: it may have become somebody's meanwhile.
+        with self.locked():
+            # Checked again: somebody else may have taken the folder meanwhile.
             self.check(plan)
             first()
             self._keep(plan, files)
             yield
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Nobody else runs trials into this folder meanwhile: each would clear or rename what the other is writing.
+    def locked(self) -> Iterator[None]:
+        """Context in which nobody else runs trials into this folder, whose bags each would delete or rename.
 
-        Raises InputError where somebody does. The system ends the hold with the process and its workers, however they
-        end; those of one that was killed get a moment.
+        Raises InputError if somebody does. The system releases the lock when the process and its workers have ended,
+        however they end; the workers of a killed process get a moment to do so.
         """
         handle, until_s = os.open(self.path, os.O_RDONLY), time.monotonic() + PATIENCE_S
         try:
-            while not _locked(handle):
+            while not _lock(handle):
                 if time.monotonic() > until_s:
                     raise InputError(f"{self.path}: another campaign is running into it; wait for its end")
                 time.sleep(0.05)
@@ -145,36 +145,36 @@ class CampaignFolder:
         finally:
             os.close(handle)
 
-    def clear_torn(self) -> None:
-        """Remove what a killed batch run left behind: bags that never got their name. What else is there stays."""
+    def remove_unfinished(self) -> None:
+        """Remove the unfinished bags of a killed batch run, which never got their final name, and nothing else."""
         for path in self.trials.glob(".phi*") if self.trials.is_dir() else ():
             if path.is_dir():
                 shutil.rmtree(path)
 
     def missing(self, trials: Iterable[PlannedTrial]) -> list[PlannedTrial]:
-        """The trials with no finished bag. A bag gets its name only when it is closed, so its presence is enough."""
+        """The trials without a finished bag. A bag gets its name only when closed, so its existence is enough."""
         return [trial for trial in trials if not (self.bag(trial) / "metadata.yaml").exists()]
 
 
 def sample_trial(plan: Plan) -> PlannedTrial:
     """The trial whose frames are kept by default: the strongest ground at the middle frequency, first replicate.
 
-    Until a verdict it is the first on that ground, whatever comes later.
+    In a campaign until a verdict it is the first trial on that ground, whatever comes later.
     """
     omega = sorted(plan.omega_rad_s)[len(plan.omega_rad_s) // 2]
-    there = [one for one in trials_of(plan) if one.phi == max(plan.phi)]
-    return next((one for one in there if one.omega_rad_s == omega), there[0]) if not plan.until else there[0]
+    trials = [trial for trial in trials_of(plan) if trial.phi == max(plan.phi)]
+    return next((trial for trial in trials if trial.omega_rad_s == omega), trials[0]) if not plan.until else trials[0]
 
 
 def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
-    """How a trial's frames go into its bag: none, jpeg, video or raw."""
+    """How a trial's frames are stored in its bag: none, jpeg, video or raw."""
     if plan.images != "one":
         return plan.images
     return "jpeg" if trial.trial_id == sample_trial(plan).trial_id else "none"
 
 
 def _same(present: Plan, given: Plan) -> bool:
-    """Whether two plans are of one campaign: it may grow by trials and by what it may cost."""
+    """Whether two plans are of the same campaign, whose extra trials and budget may grow."""
     return dataclasses.replace(given, extra_trials=present.extra_trials, budget=present.budget) == present
 
 
@@ -186,8 +186,8 @@ def _difference(present: Plan, given: Plan) -> str:
     return "no difference"
 
 
-def _locked(handle: int) -> bool:
-    """Take the lock of an open folder; whether nobody else has it."""
+def _lock(handle: int) -> bool:
+    """Try to lock an open folder; returns whether that succeeded."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""What a campaign will be able to find, said before it is run."""
+"""Which effects a campaign will be able to detect, predicted before it is run."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,7 +9,7 @@ from sandbot_common.files import parse_yaml
 
 
 def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str]) -> str:
-    """One sentence; it supposes the ground of Li09 and the scatter that the cameras' file has as usual."""
+    """The prediction in one sentence, for the ground of Li09 and the usual scatter according to cameras.yaml."""
     from sandbot_model.discovery.effect_search import EffectSearch
     from sandbot_model.discovery.power import detectable, expected, in_words
     from sandbot_model.physics.catalogue import catalogue
@@ -33,5 +33,5 @@ def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, st
     try:
         base = expected(from_rows(rows, robot_of(files), accuracy=accuracy_of(cameras, "cameras.yaml")))
     except InputError as error:
-        return f"what it will be able to find can't be said: {error}"
+        return f"what it will be able to find can't be predicted: {error}"
     return f"effects {in_words(detectable(EffectSearch(base.cells, catalogue(), 'simple'), base))}"

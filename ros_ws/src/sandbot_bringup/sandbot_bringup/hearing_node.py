@@ -1,4 +1,4 @@
-"""What a campaign hears of its trackway: the state of bed and legs, each node's health, and who has fallen silent."""
+"""What a campaign knows of its trackway: the state of bed and legs, each node's health, and who has fallen silent."""
 
 import math
 import time
@@ -14,21 +14,21 @@ from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, subscription
 
 QUIET_S = 3.0
-"""A tracker that says nothing for so long has no more frames."""
+"""A tracker that is silent for this long has no more frames."""
 DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral", "dorsal_camera", "lateral_camera")
-"""Each says on /diagnostics where its cable is out. Required once heard: those of other makers need not tell health."""
+"""Each reports on /diagnostics if its cable is out. Required once heard, as third-party ones need not report health."""
 RECORDER = "recorder"
 
 _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
-"""Whoever reports the legs, and which of our nodes do."""
-# Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
+"""The source of leg reports, and which of our nodes it may be."""
+# Its first frame may take seconds if nothing is compiled yet; a dead tracker is noticed sooner, as its node is silent.
 TRACKER_SPEED = Sign("tracker", topics.SPEED.name, 5.0)
 STEADY_S = 0.5
-"""What comes all the time while legs walk may stay away for so long, or for half of --silence where that is longer."""
+"""The longest gap in topics that are continuous while legs walk, or half of --silence if that is longer."""
 
 
-class Told(NamedTuple):
-    """What a node said of its health."""
+class NodeStatus(NamedTuple):
+    """A node's health, as it last reported it."""
 
     level: int = 0
     text: str = ""
@@ -36,11 +36,11 @@ class Told(NamedTuple):
 
 
 class Hearing:
-    """Subscribes for a node and keeps the latest of everything; ``listen`` is to be called at each turn of its loop."""
+    """Subscribes for a node and keeps the latest of everything; call ``listen`` at each turn of its loop."""
 
     def __init__(self, node: Node, silence_s: float, turn_s: float) -> None:
-        """``turn_s``: how long a turn waits at most; what passes beyond twice that is our own delay."""
-        self.told: dict[str, Told] = {}
+        """``turn_s``: the longest that a turn waits; time beyond twice that is our own delay."""
+        self.statuses: dict[str, NodeStatus] = {}
         self.phi: float | None = None
         self.bed_stage = self.bed_text = self.bed_preparation = ""
         self.bed_height_m = math.nan
@@ -59,7 +59,7 @@ class Hearing:
         subscription(node, topics.BED_PHI, self._on_phi)
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(node, topics.LEG_STATES, self._on_legs)
-        # What is told anew all the time: a reliable reader would hear nothing until what was lost has been sent again.
+        # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
         subscription(node, topics.BED_STATUS, self._on_bed, best_effort=True)
         subscription(node, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
         subscription(node, topics.SPEED, self._on_speed)
@@ -72,7 +72,7 @@ class Hearing:
         return self._listening.now_s
 
     def listen(self) -> None:
-        """The loop is about to listen: time goes on, and the system is asked who lives."""
+        """Call before the loop waits for messages: advances the time and queries the system which processes live."""
         now_s = time.monotonic()
         self._listening.look(now_s)
         for who, starved_s in self._neighbours.look(now_s).items():
@@ -80,106 +80,106 @@ class Hearing:
                 self._supervisor.starved(name, starved_s)
 
     def forget_trial(self) -> None:
-        """What was heard of the trial before is not of the next one."""
+        """Discard the state of the last trial."""
         self.phi, self.bed_stage, self.motion_start_ns = None, "", None
 
     def require(self, names: Sequence[str]) -> None:
-        """These nodes, and the bed's status, are vital to what comes."""
+        """From now on these nodes, and the bed's status, are vital."""
         self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
 
     def expect_recorder(self, pid: int) -> None:
-        """A recorder has been started: what the one before it said is forgotten, and what others say is not meant."""
+        """A recorder has been started: forget the last one's reports, and ignore those of other recorders."""
         self._recorder_pid = pid
         self._neighbours.forget(RECORDER)
-        self.told.pop(RECORDER, None)
+        self.statuses.pop(RECORDER, None)
         self.watch()
 
     @property
     def recorded(self) -> int:
-        """Messages that the recorder says it has written."""
-        return int(self.told.get(RECORDER, Told()).values.get("written", "0"))
+        """Number of messages written, as the recorder reports."""
+        return int(self.statuses.get(RECORDER, NodeStatus()).values.get("written", "0"))
 
     def require_recorder(self) -> None:
-        """It has been heard, and is vital from now on."""
+        """The recorder has been heard, and is vital from now on."""
         self._vital.append(Sign(RECORDER, LOOP, self._silence_s))
         self.watch()
 
     def watch(self, *more: Sign) -> None:
-        """From now on nobody vital may fall silent, nor ``more``."""
+        """From now on no vital node may fall silent, nor any of ``more``."""
         beats = (
             Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS)
             for sign in self._vital
             if sign.who != RECORDER and sign.who not in self._neighbours
         )
-        # Those of other makers need not beat; the recorder is our own child, of which the system tells.
+        # Third-party nodes need not send heartbeats; the recorder is our child, whose end the system reports.
         beating = [beat for beat in beats if math.isfinite(self._age_s(beat))]
         self._supervisor.watch(*more, *self._vital, *beating, now_s=self.now_s)
 
     def watch_walking(self) -> None:
-        """The same while legs walk: nor may set-points, the robot's reports or the tracker's speeds stay away."""
+        """The same while legs walk: set-points, the robot's reports and the tracker's speeds must also keep coming."""
         steady_s = max(STEADY_S, self._silence_s / 2)
         steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
         self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
 
     @property
-    def tells_motion(self) -> bool:
-        """Whether the robot says at present that its legs move; one that has died in the middle of a walk does not."""
+    def reports_motion(self) -> bool:
+        """Whether the robot currently reports that its legs move; false if it has died in the middle of a walk."""
         return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
 
-    def watch_nobody(self) -> None:
-        """Nothing is under way that anybody could spoil."""
+    def stop_watching(self) -> None:
+        """Nothing is under way: anybody may fall silent."""
         self._supervisor.watch(now_s=0.0)
 
     def heard_since(self, who: str, since_s: float, topic: str = "") -> bool:
-        """Whether somebody gave a sign after a time of ``now_s``."""
+        """Whether somebody gave a sign after ``since_s``, a time of ``now_s``."""
         return self._supervisor.heard_since(who, topic, since_s)
 
     def is_quiet(self, sign: Sign) -> bool:
-        """Whether it has not come for a while."""
+        """Whether the sign has been absent for a while."""
         return self._age_s(sign) > QUIET_S
 
     def missing(self) -> list[str]:
-        """Phrases of who of the vital is not there, or without a device."""
+        """Phrases that name each vital node that is absent, or has lost its device."""
         gone = [f"{sign.who} {fault}" for sign in self._vital if (fault := self._neighbours.faults.get(sign.who))]
         return gone + [sign.missing for sign in self._vital if self._age_s(sign) > sign.limit_s] + self._unplugged()
 
     def fault(self) -> str:
-        """Who of the vital fails while they are watched, in a phrase; an empty string if nobody does."""
+        """A phrase that names a watched vital node that fails; an empty string if there is none."""
         for sign in self._vital:
-            # Who ends in order says so, and of who does not the system tells; nobody waits for his silence.
-            if (text := self.told.get(sign.who, Told()).text).startswith("ended: "):
+            # An orderly end is announced, and any other reported by the system, so neither needs to time out.
+            if (text := self.statuses.get(sign.who, NodeStatus()).text).startswith("ended: "):
                 return f"the {sign.who} {text}"
             if sign.who != RECORDER and (fault := self._neighbours.faults.get(sign.who)):
                 return f"the {sign.who} {fault}"
         if unplugged := self._unplugged():
             return f"the {unplugged[0]}"
-        # A clock that has stopped is silent by right, and has said why: the robot's reports may lag behind it.
+        # A stopped clock is rightly silent, and has said why; the robot's reports may lag behind it.
         silent = self._supervisor.silent(self.now_s)
         return silent and (self.clock_fault or self._listening.held_up or f"the {silent}")
 
     @property
     def clock_fault(self) -> str:
-        """Why the clock stopped of itself; an empty string if it did not."""
-        clock = self.told.get("clock", Told())
+        """Why the clock stopped by itself; an empty string if it did not."""
+        clock = self.statuses.get("clock", NodeStatus())
         return f"the clock: {clock.text}" if clock.level > 1 else ""
 
     def _age_s(self, sign: Sign) -> float:
         return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
 
     def _unplugged(self) -> list[str]:
-        """Drivers that are there, but not their devices."""
-        said = ((who, self.told[who]) for who in DRIVERS if who in self.told)
-        return [f"{who} has lost its device: {one.text}" for who, one in said if one.level > 1]
+        """Phrases that name the drivers that have lost their device."""
+        drivers = ((who, self.statuses[who]) for who in DRIVERS if who in self.statuses)
+        return [f"{who} has lost its device: {status.text}" for who, status in drivers if status.level > 1]
 
     def _heard(self, who: str, topic: topics.Topic) -> None:
         self._supervisor.heard(who, topic.name, self.now_s)
 
     def _is_our_recorder(self, process: str) -> bool:
-        """Anybody may record beside us. Without /proc nobody tells his process: whoever speaks is taken for ours."""
+        """Whether it is our recorder and not another one. Without /proc processes are unknown: any counts as ours."""
         return not process or process.split()[1:2] == [str(self._recorder_pid)]
 
     def _on_phi(self, message: Any) -> None:
-        # The latched value of the trial before arrives on subscription only; forget_trial clears it.
+        # The last trial's latched value arrives only upon subscription; forget_trial clears it.
         self.phi = float(message.data)
 
     def _on_bed(self, message: Any) -> None:
@@ -209,7 +209,7 @@ class Hearing:
 
     def _on_heartbeat(self, message: Any) -> None:
         self._heard(message.frame_id, topics.HEARTBEAT)
-        # Another one, not a later one: its clock may have been set back.
+        # Different, not later: the node's clock may have been set back.
         if (turned_ns := messages.nanoseconds(message.stamp)) != self._turned_ns.get(message.frame_id, 0):
             self._turned_ns[message.frame_id] = turned_ns
             self._supervisor.heard(message.frame_id, LOOP, self.now_s)
@@ -223,4 +223,4 @@ class Hearing:
                 continue
             self._heard(status.name, topics.DIAGNOSTICS)
             self._supervisor.heard(status.name, LOOP, self.now_s)
-            self.told[status.name] = Told(status.level[0], status.message, values)
+            self.statuses[status.name] = NodeStatus(status.level[0], status.message, values)

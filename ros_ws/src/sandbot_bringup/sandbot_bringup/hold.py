@@ -1,4 +1,4 @@
-"""Whether a campaign may go on: pure. Once held it stays so until somebody says go; nothing resumes unasked."""
+"""Whether a campaign may go on: pure. Once held it stays held until somebody says go; nothing resumes by itself."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Hold:
 
     def stop(self, why: str) -> str:
         """End the trial under way and hold; returns what is going to happen."""
-        if self.state != "held":  # else nothing is under way that could be ended
+        if self.state != "held":  # otherwise no trial is under way
             self.why, self.now, self.pausing = why, True, False
         return "the campaign is held until go"
 
@@ -31,13 +31,13 @@ class Hold:
         return "the campaign is held after this trial, until go"
 
     def between_trials(self) -> None:
-        """Nothing is under way: what was asked for takes effect."""
+        """No trial is under way: pending requests take effect."""
         self.now = False
         if self.pausing:
             self.why, self.pausing = "paused by the operator", False
 
     def go(self) -> tuple[bool, str]:
-        """Go on; whether that was possible, and what it means."""
+        """Go on; returns whether that was possible, and what happens."""
         if self.now:
             return False, "the trial under way is still being stopped"
         if not (self.why or self.pausing):

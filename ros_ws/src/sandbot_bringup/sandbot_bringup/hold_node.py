@@ -1,6 +1,6 @@
-"""stop, pause and go of a campaign (std_srvs/Trigger), so that anything can call them.
+"""stop, pause and go of a campaign as services (std_srvs/Trigger), so that anything can call them.
 
-They are offered from the node's first moment: a campaign that is stopped while it still looks for its nodes is held.
+They are offered as soon as the node exists: a campaign that is stopped while it still looks for its nodes is held.
 """
 
 import time
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class HoldServices:
-    """``changed`` is called with what was asked wherever that changed the hold; what is asked twice, once."""
+    """``changed`` is called with each order that changed the hold; a repeated order changes nothing."""
 
     def __init__(self, node: Node, hold: Hold) -> None:
         self.hold = hold
@@ -27,22 +27,22 @@ class HoldServices:
             node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
 
     def _stop(self) -> tuple[bool, str]:
-        return True, self._told("hold", lambda: self.hold.stop("stopped by the operator"))
+        return True, self._apply("hold", lambda: self.hold.stop("stopped by the operator"))
 
     def _pause(self) -> tuple[bool, str]:
-        return True, self._told("pause", self.hold.pause)
+        return True, self._apply("pause", self.hold.pause)
 
     def _go(self) -> tuple[bool, str]:
         if refusal := self._standstill.refusal(time.monotonic()):
             return False, refusal
-        return self._told("go", self.hold.go)
+        return self._apply("go", self.hold.go)
 
-    def _told(self, do: str, change: Callable[[], T]) -> T:
+    def _apply(self, do: str, change: Callable[[], T]) -> T:
         before = self.hold.state
-        said = change()
+        answer = change()
         if self.hold.state != before:
             self.changed(do)
-        return said
+        return answer
 
 
 def _trigger(answer: Callable[[], tuple[bool, str]]) -> Callable[[Any, Any], Any]:

@@ -1,4 +1,4 @@
-"""``journal.jsonl`` of a campaign: what happened and who asked for it, one JSON object a line, only ever appended."""
+"""``journal.jsonl`` of a campaign: what happened and who asked for it, one JSON object per line, append-only."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import append_line, writing
 
 Event = Mapping[str, Any]
-"""``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (of ``KINDS``), and what belongs to it."""
+"""``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (one of ``KINDS``), and further keys of that kind."""
 KINDS = ("begin", "hold", "pause", "go", "skip", "repeat", "add", "look", "start", "done", "failed", "stopped", "end")
 
 
@@ -19,14 +19,14 @@ class Journal:
     """``earlier``: the events of the runs before this one; ``events``: those of this run, in order."""
 
     def __init__(self, path: Path, now_s: Callable[[], float]) -> None:
-        """``now_s``: seconds since 1970. InputError where the file is no journal."""
+        """``now_s``: seconds since 1970. Raises InputError if the file is not a journal."""
         self._path, self._now_s = path, now_s
-        end_torn_line(path)
+        remove_torn_line(path)
         self.earlier = read_journal(path)
         self.events: list[Event] = []
 
     def add(self, who: str, do: str, **what: object) -> None:
-        """Write an event down. ValueError for one that ``read_journal`` would refuse, InputError on a full disk."""
+        """Log an event. Raises ValueError if ``read_journal`` would refuse it, InputError on a full disk."""
         if do not in KINDS:
             raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
         at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
@@ -36,11 +36,11 @@ class Journal:
 
 
 def read_journal(path: Path) -> list[Event]:
-    """The events of a journal, none where there is no file. InputError with the line that is none."""
+    """The events of a journal, none if there is no file. Raises InputError with the first invalid line."""
     if not path.exists():
         return []
     events = []
-    # Not splitlines: a reason may hold other characters that end a line.
+    # Not splitlines: a reason may contain other line-ending characters.
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").split("\n")[:-1], start=1):
         try:
             event = json.loads(line)
@@ -53,9 +53,9 @@ def read_journal(path: Path) -> list[Event]:
     return events
 
 
-def end_torn_line(path: Path) -> None:
-    """Remove what a kill left of a file's last line: it would spoil the one that comes next."""
+def remove_torn_line(path: Path) -> None:
+    """Remove an incomplete last line, left by a kill, which would corrupt the next one."""
     if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
-        # Cut, not written anew: on a full disk all that came before it would be lost.
+        # Truncated, not rewritten: on a full disk a rewrite could lose everything.
         with writing(path):
             os.truncate(path, content.rfind(b"\n") + 1)

@@ -1,4 +1,4 @@
-"""A campaign over the real nodes: the queue, trial by trial, at the operator's word."""
+"""A campaign over the real nodes: the queue, trial by trial, under the operator's control."""
 
 import math
 import multiprocessing
@@ -22,8 +22,8 @@ from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_block
 from sandbot_bringup.queue import Queue
 from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
-from sandbot_bringup.until import Entry, decided, looks_of
-from sandbot_common.dead_ports import number_of_its_own
+from sandbot_bringup.until import Entry, decide, looks_of
+from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
 from sandbot_common.node import start_ros, stop_signals, use_shared_memory
 from sandbot_common.process import real_time
@@ -43,27 +43,27 @@ def run_live(
     silence_s: float = SILENCE_S,
     ros_arguments: Sequence[str] = (),
 ) -> Queue:
-    """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
+    """Run every trial that has no bag yet, and those the operator adds meanwhile; returns the final queue.
 
-    ``redo``: tells bags by name that make room, and what they are; then what fails now is run once more, too.
-    ``silence_s``: a node that is silent for longer ends the trial under way. ``ros_arguments``: as for any node,
-    ``--ros-args -r __ns:=/robot1`` say. The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``);
-    InputError where they are not.
+    ``redo``: gives names and statuses of bags whose trials are run again; trials that fail are then repeated once, too.
+    ``silence_s``: a node that is silent for longer ends the trial under way. ``ros_arguments``: as for any node, e.g.
+    ``--ros-args -r __ns:=/robot1``. The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``);
+    raises InputError if they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
     with stop_signals() as stop:
         # ROS's own handlers would end the context before the legs are stopped.
-        # The threads that hear, too: what they hear late would be taken for silence.
+        # Inherited by the receiving threads: late reception would be mistaken for silence.
         with real_time(PRIORITY, inherited=True):
             start_ros([plan.name, *ros_arguments])
         operator: Operator | None = None
         try:
             domain = rclpy.get_default_context().get_domain_id()
-            with real_time(PRIORITY, inherited=True), number_of_its_own(domain):
+            with real_time(PRIORITY, inherited=True), fresh_participant_number(domain):
                 operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
-            # One trackway has one campaign; here it is another one's, in another namespace or on another host.
+            # A trackway has one campaign; the folder may belong to one in another namespace or on another host.
             with folder.adopted(plan, files):
                 folder.set_aside(redo() if redo else {})
                 campaign = _Campaign(operator, plan, folder, files)
@@ -72,7 +72,7 @@ def run_live(
                     if redo is not None and campaign.repeat_failed():
                         campaign.run_all()
                 finally:
-                    operator.leave_as_found()
+                    operator.restore_settings()
         finally:
             if operator is not None:
                 end_timers(operator)
@@ -81,7 +81,7 @@ def run_live(
 
 
 class _Campaign:
-    """The queue and all that is kept of it."""
+    """The queue with its journal, status and plan on disk."""
 
     def __init__(self, operator: Operator, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
         self._operator, self._folder = operator, folder
@@ -96,35 +96,35 @@ class _Campaign:
         )
         self._desk.look = _shown(looks_of(folder))
         self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
-        if operator.hold.why:  # since its node was there
+        if operator.hold.why:  # held before there was a journal
             self._desk.note("hold", who="operator", reason=operator.hold.why)
 
     def run_all(self) -> None:
-        """Until nothing waits. However it ends, the journal says so."""
+        """Run until nothing waits. However it ends, the journal records it."""
         reason = "interrupted"
         bar: Any = tqdm(unit="trial", desc="campaign")
         try:
             with bar:
-                while self._one(bar) or self._look(bar):
+                while self._run_next(bar) or self._look(bar):
                     bar.refresh()
             reason = "nothing waits"
         except Exception as error:
             reason = str(error)
             raise
         finally:
-            with suppress(OSError, InputError):  # a full disk, say
+            with suppress(OSError, InputError):  # e.g. a full disk
                 self._desk.note("end", reason=reason)
 
     def repeat_failed(self) -> bool:
-        """Queue what failed once more; whether there was anything."""
+        """Queue the failed trials again; returns whether there were any."""
         failed = list(self.queue.failed)
         for trial_id in failed:
             self._desk.note("repeat", trial_id=trial_id, reason=self.queue.failed[trial_id])
             self.queue.repeat(trial_id)
         return bool(failed)
 
-    def _one(self, bar: Any) -> bool:
-        """The next trial, once the campaign is not held; whether there was one."""
+    def _run_next(self, bar: Any) -> bool:
+        """Run the next trial, once the campaign is not held; returns whether there was one."""
         hold = self._operator.hold
         hold.between_trials()
         if hold.why:
@@ -138,36 +138,36 @@ class _Campaign:
         return True
 
     def _look(self, bar: Any) -> bool:
-        """Nothing waits: until a verdict the next block is planned. Whether there is one."""
+        """Nothing waits: in a campaign until a verdict, plan the next block. Returns whether there is one."""
         if not self.queue.plan.until or not self.queue.measured:
             return False
         self._desk.enter("looking at the trials so far")
-        entry = self._looked()
+        entry = self._take_look()
         self._desk.look = _shown([entry])
         self._desk.note("look", **{key: entry[key] for key in ("look", "text", "stop")})
         bar.write(f"look {entry['look']}: {entry['text']}")
         if entry["next"]:
-            # On top of what the operator has added meanwhile, which is run in any case.
+            # In addition to trials that the operator has added meanwhile, which are run in any case.
             plan = with_block(self.queue.plan, entry["next"])
             self._folder.adopt(plan, self._files)
             self.queue.grow(plan)
         return bool(self.queue.waiting)
 
-    def _looked(self) -> Entry:
-        """What a look at all trials so far finds, in a process of its own: here the nodes must go on being heard."""
+    def _take_look(self) -> Entry:
+        """The result of a look at all trials so far, in a separate process, so that the nodes are still heard here."""
         with pool(1, "spawn") as looking:
-            future = looking.submit(decided, self.queue.plan, self._folder, self.queue.skipped)
+            future = looking.submit(decide, self.queue.plan, self._folder, self.queue.skipped)
             try:
                 self._operator.wait_for(future.done)
             except BaseException:
-                # Nobody waits for what he no longer wants to know.
+                # The result is no longer wanted.
                 for worker in multiprocessing.active_children():
                     worker.terminate()
                 raise
             try:
                 return future.result()[1]
             except BrokenProcessPool:
-                why = "the process that looked at the trials was killed, for want of memory perhaps"
+                why = "the process that looked at the trials was killed (out of memory?)"
                 raise CampaignEnds(f"{why}; start the campaign again to go on") from None
 
     def _run(self, trial: PlannedTrial, bar: Any) -> None:
@@ -184,7 +184,7 @@ class _Campaign:
             self._desk.note("failed", trial_id=name, reason=str(error))
             bar.write(f"{name}: failed: {error}")
             if self.queue.waiting and (why := self._streak.failed(str(error))):
-                self._go_no_further(why)
+                self._hold_or_end(why)
         else:
             self._streak.end()
             seconds, measured = round(time.monotonic() - begun_s, 2), _measured(row)
@@ -192,21 +192,21 @@ class _Campaign:
             self._desk.note("done", trial_id=name, seconds=seconds, measured=measured)
             bar.update()
 
-    def _go_no_further(self, why: str) -> None:
-        """Hold the campaign where a console runs, else end it."""
+    def _hold_or_end(self, why: str) -> None:
+        """Hold the campaign if a console runs, otherwise end it."""
         if not self._desk.attended:
-            raise CampaignEnds(f"{why}; mend it, then start the campaign again to go on")
+            raise CampaignEnds(f"{why}; fix it, then start the campaign again to go on")
         self._streak.end()
         self._operator.hold.stop(why)
         self._desk.note("hold", reason=why)
 
 
 def _shown(looks: Sequence[Entry]) -> Entry | None:
-    """The last look as the page shows it: what comes next stands in the queue."""
+    """The last look as the page shows it, without the next trials, which are in the queue."""
     return {key: value for key, value in looks[-1].items() if key != "next"} if looks else None
 
 
 def _measured(row: Row) -> Mapping[str, float]:
-    """What the page shows of a finished trial; what was not measured is left out."""
+    """Measured values of a finished trial for the page, without NaN."""
     values = {name: float(getattr(row, name)) for name in ("phi", "speed_m_s", "speed_sd_m_s", "lift_m")}
     return {name: value for name, value in values.items() if math.isfinite(value)}

@@ -15,11 +15,11 @@ Pixels = NDArray[np.uint8]
 SEEN_BY = {"dorsal": ("com",), "lateral": ("front_axle", "rear_axle")}
 """The marks each camera sees."""
 COLOURS = {"com": (0, 159, 230), "front_axle": (233, 180, 86), "rear_axle": (167, 121, 204)}
-"""Blue, green, red; told apart by colour-blind eyes as well."""
+"""Blue, green, red; distinguishable for colour-blind people."""
 SAME_NS = 8_000_000
-"""A landmark belongs to a picture so close to it: less than a frame at 100 Hz."""
+"""A landmark within this time of a picture belongs to it: less than a frame at 100 Hz."""
 PATIENCE_NS = 1_000_000_000
-"""So long a picture waits for a tracker that is behind; without one pictures are shown as they are."""
+"""How long a picture waits for a slow tracker; without a tracker pictures are shown unmarked."""
 _KEPT = 64
 _RADIUS_PX = 12
 _QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
@@ -27,7 +27,7 @@ _QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture as it is shown; ``seen``: the marks drawn into it."""
+    """A picture to show; ``seen``: the marks drawn into it."""
 
     jpeg: bytes
     seen: tuple[str, ...]
@@ -35,7 +35,7 @@ class Drawn:
 
 @dataclass
 class View:
-    """One camera's picture in waiting and the landmarks of late. Each event may give a picture to show."""
+    """One camera's pending picture and recent landmarks. Each event may give a picture to show."""
 
     camera: Camera
     names: tuple[str, ...]
@@ -46,7 +46,9 @@ class View:
         self._landmarks = {name: deque(maxlen=_KEPT) for name in self.names}
 
     def picture(self, t_ns: int, pixels: Pixels) -> Drawn | None:
-        """A newer picture: to show now if its landmarks have come. One that waits goes first, and at last as it is."""
+        """A newer picture, returned at once if its landmarks have arrived. A pending one takes precedence over it until
+        ``PATIENCE_NS`` has passed, and is then shown unmarked.
+        """
         if self._waiting is not None and 0 <= t_ns - self._waiting[0] < PATIENCE_NS:
             return None
         before, self._waiting = self._waiting, (t_ns, pixels)
@@ -67,7 +69,7 @@ class View:
 
     def _at(self, name: str, t_ns: int) -> Any:
         near = [(abs(t - t_ns), xyz) for t, xyz in self._landmarks[name] if abs(t - t_ns) <= SAME_NS]
-        return min(near, key=lambda one: one[0])[1] if near else None
+        return min(near, key=lambda pair: pair[0])[1] if near else None
 
     def _draw(self, t_ns: int, pixels: Pixels) -> Drawn:
         marks = {name: self._pixel(self._at(name, t_ns)) for name in self.names}
@@ -81,7 +83,7 @@ class View:
 def _jpeg(pixels: Pixels, marks: Mapping[str, NDArray[np.float64]]) -> bytes:
     image = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
     for name, at in marks.items():
-        # Quarters of a pixel: a mark that moves slowly is not seen to jump.
+        # In quarters of a pixel, so that a slow mark does not visibly jump.
         centre = tuple(round(4 * float(value)) for value in at)
         for colour, width in (((0, 0, 0), 4), (COLOURS[name], 2)):
             cv2.circle(image, centre, 4 * _RADIUS_PX, colour, width, cv2.LINE_AA, 2)

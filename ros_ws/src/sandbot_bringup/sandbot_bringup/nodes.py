@@ -1,7 +1,7 @@
 """The node table: which processes make up the trackway, with which parameters, and when each is wanted.
 
-config/nodes.yaml is the one place; ``launch/trackway.launch.py`` (a full ROS 2) and the ``ros2 launch`` of a host
-without one both start what ``selected`` returns.
+config/nodes.yaml is the single source; ``launch/trackway.launch.py`` (a full ROS 2) and the fallback ``ros2 launch`` of
+a host without one both start what ``selected`` returns.
 """
 
 import dataclasses
@@ -30,19 +30,19 @@ NAMESPACE = "namespace"
 LAB = "lab"
 """The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
 
-_EVERY_NODES = ("use_sim_time", "qos_overrides.", "start_type_description_service")
-"""Parameters that ROS gives to every node."""
+_COMMON_PARAMETERS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
+"""Parameters that every ROS node has."""
 
 _TRUE, _FALSE = "true", "false"
 _SPACE = re.compile(r"(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?")
-_PUT_IN = re.compile(r"\$\{(\w+)\}")
+_REFERENCE = re.compile(r"\$\{(\w+)\}")
 
 
 @dataclass(frozen=True)
 class LaunchArgument:
-    """A ``name:=value`` of the launch file; it is of the type of its default ("0" is text, 0 a number)."""
+    """A ``name:=value`` of the launch file, of the same type as its default ("0" is text, 0 a number)."""
 
-    default: Any = parameter(doc="value where none is given: text, number, true or false")
+    default: Any = parameter(doc="value if none is given: text, number, true or false")
     doc: str = parameter(doc="what it does")
     choices: tuple[str, ...] = parameter((), doc="allowed values; empty: any")
     name: str = ""
@@ -65,9 +65,9 @@ class NodeEntry:
     )
     only_if: str = parameter("", doc="launch argument that must be true as well, or `name=choice`; empty: none")
     required: bool = parameter(True, doc="everything stops when this process ends")
-    parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for its value")
+    parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} is replaced by its value")
     settings: str = parameter(
-        "", doc="module:class of its parameters, by which given ones are checked; empty: by the node"
+        "", doc="module:class of its parameters, against which given ones are checked; empty: by the node"
     )
     namespace: str = parameter("", doc="ROS namespace; empty: that of the launch argument `namespace`, or none")
 
@@ -91,7 +91,7 @@ class NodeTable:
 
 
 def table_path() -> Path:
-    """Where the installed node table lies."""
+    """Path of the installed node table."""
     return config_file("nodes.yaml")
 
 
@@ -131,8 +131,8 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     """The nodes wanted under these launch arguments, with their parameters.
 
     A name is a launch argument of the table or ``node.parameter``, which sets one parameter of one node. Raises
-    InputError for an unknown name, a parameter that the node does not have, a value that does not fit, or one that
-    none of these nodes uses.
+    InputError for an unknown name, a parameter that the node does not have, an invalid value, or an argument that none
+    of these nodes uses.
     """
     values: dict[str, Any] = {CONFIG: str(Path(table.where).parent)}
     values |= {name: argument.default for name, argument in table.arguments.items()}
@@ -146,14 +146,14 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     nodes = {node.name: {**node.parameters, **_checked(node, own[node.name])} for node in table.nodes}
     space = _namespace(values.get(NAMESPACE, ""))
     for name, value in given.items():
-        # The real launch gives every argument, those that nobody typed with their defaults.
+        # The real launch passes every argument, those not typed with their defaults.
         if name not in table.arguments or value != table.arguments[name].default_text:
             _check_used(table, name, values)
     return tuple(
         dataclasses.replace(
             entry,
             namespace=entry.namespace or space,
-            parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()},
+            parameters={k: _substituted(v, values) for k, v in nodes[entry.name].items()},
         )
         for entry in table.nodes
         if not _missing(entry, values)
@@ -161,28 +161,28 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
 
 
 def _check_used(table: NodeTable, name: str, values: Mapping[str, Any]) -> None:
-    """Raise InputError, naming the switches that are missing, where no node that is started uses what was given."""
+    """Raise InputError, naming the missing switches, if no started node uses a given argument."""
     missing = [_missing(entry, values, name) for entry in table.nodes if _uses(entry, name)]
     if missing and all(missing):
-        raise InputError(f"launch argument {name}: no node that is started uses it; for it give {' '.join(missing[0])}")
+        raise InputError(f"launch argument {name}: no started node uses it; it needs {' '.join(missing[0])}")
 
 
 def _uses(entry: NodeEntry, name: str) -> bool:
-    """Whether a launch argument is for a node: a parameter of its own, put into one, or what it is started by."""
-    put_in = {found for value in entry.parameters.values() for found in _PUT_IN.findall(str(value))}
-    return name in put_in or name.startswith(f"{entry.name}.") or name == _switch(entry)[0]
+    """Whether a launch argument is for a node: one of its parameters, referenced by one, or the node's switch."""
+    referenced = {found for value in entry.parameters.values() for found in _REFERENCE.findall(str(value))}
+    return name in referenced or name.startswith(f"{entry.name}.") or name == _switch(entry)[0]
 
 
-def _missing(entry: NodeEntry, values: Mapping[str, Any], apart_from: str = "") -> list[str]:
-    """The launch arguments that would start a node and are not given so; none for one that is started."""
+def _missing(entry: NodeEntry, values: Mapping[str, Any], except_for: str = "") -> list[str]:
+    """The ``name:=value`` switches that would have to be given to start a node; empty if it is started."""
     lab = {"lab": _TRUE, "hardware": _FALSE}
     wanted = [(LAB, lab[entry.wanted])] if entry.wanted in lab else []
     switch = [_switch(entry)] if entry.only_if else []
-    return [f"{name}:={value}" for name, value in wanted + switch if name != apart_from and values[name] != value]
+    return [f"{name}:={value}" for name, value in wanted + switch if name != except_for and values[name] != value]
 
 
 def _switch(entry: NodeEntry) -> tuple[str, str]:
-    """The launch argument that starts a node, and with which value."""
+    """The launch argument that starts a node, and the value it needs."""
     name, _, choice = entry.only_if.partition("=")
     return name, choice or _TRUE
 
@@ -203,20 +203,20 @@ def _chosen(table: NodeTable, name: str, value: str) -> Any:
 
 
 def _checked(node: NodeEntry, given: Mapping[str, str]) -> dict[str, Any]:
-    """The parameters given to a node, of the types that it declares."""
+    """The parameters given to a node, converted to the types that it declares."""
     plain = {name: _plain(text) for name, text in given.items()}
     if not node.settings or not given:
         return plain
     module, _, name = node.settings.partition(":")
     cls = getattr(import_module(module), name)
     text = {spec.name for spec in specs(cls) if spec.type is str}
-    ours = {key: given[key] if key in text else plain[key] for key in plain if not key.startswith(_EVERY_NODES)}
+    ours = {key: given[key] if key in text else plain[key] for key in plain if not key.startswith(_COMMON_PARAMETERS)}
     made = from_mapping(cls, ours, f"launch arguments of {node.name}")
     return plain | {key: getattr(made, key) for key in ours}
 
 
 def _namespace(text: str) -> str:
-    """With its leading slash; empty where there is none."""
+    """A namespace with its leading slash; empty if there is none."""
     if not _SPACE.fullmatch(text):
         raise InputError(f"launch argument {NAMESPACE}: {text!r} is not a ROS namespace such as robot1")
     return text and "/" + text.removeprefix("/")
@@ -251,7 +251,7 @@ def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where:
             raise InputError(
                 f"{where}: parameters: {key}: {value!r} is not a number, text, true, false or a list of them"
             )
-        for name in _PUT_IN.findall(value) if isinstance(value, str) else ():
+        for name in _REFERENCE.findall(value) if isinstance(value, str) else ():
             if name not in arguments and name != CONFIG:
                 raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
 
@@ -260,17 +260,17 @@ def _is_switch(argument: LaunchArgument) -> bool:
     return set(argument.choices) == {_TRUE, _FALSE}
 
 
-def _put_in(value: Any, values: Mapping[str, Any]) -> Any:
+def _substituted(value: Any, values: Mapping[str, Any]) -> Any:
     if not isinstance(value, str):
         return value
-    whole = _PUT_IN.fullmatch(value)
-    put_in = values[whole[1]] if whole else _PUT_IN.sub(lambda found: str(values[found[1]]), value)
-    # A launch argument's own value may name the folder of the table.
-    return put_in.replace(f"${{{CONFIG}}}", values[CONFIG]) if isinstance(put_in, str) else put_in
+    whole = _REFERENCE.fullmatch(value)
+    result = values[whole[1]] if whole else _REFERENCE.sub(lambda found: str(values[found[1]]), value)
+    # A launch argument's own value may refer to the folder of the table.
+    return result.replace(f"${{{CONFIG}}}", values[CONFIG]) if isinstance(result, str) else result
 
 
 def _plain(text: str) -> Any:
-    """The text as launch reads it: 7 is a number, true a boolean, [1, 2] a list, everything else stays text."""
+    """The text as launch parses it: 7 is a number, true a boolean, [1, 2] a list, everything else stays text."""
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
@@ -279,7 +279,7 @@ def _plain(text: str) -> Any:
 
 
 def _flow(value: Any) -> str:
-    """One line of YAML; text in quotes, so that "1" stays text."""
+    """One line of YAML; text is quoted, so that "1" stays text."""
     text = isinstance(value, str) or (isinstance(value, list) and any(isinstance(item, str) for item in value))
     line = yaml.safe_dump(value, default_flow_style=True, default_style='"' if text else None, width=10**6)
     # PyYAML ends a bare value with an end-of-document mark.

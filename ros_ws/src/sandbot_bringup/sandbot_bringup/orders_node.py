@@ -1,4 +1,4 @@
-"""What a campaign asks of the nodes: their services and parameters. An order that is refused fails the trial."""
+"""A campaign's calls to the nodes' services and parameters. A refused order fails the trial."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -20,11 +20,11 @@ _TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed
 _PAUSE_IMAGES = "/recorder/pause_images"
 
 Wait = Callable[[Callable[[], bool], float], bool]
-"""Spin until a condition holds, at most so many seconds; whether it does."""
+"""Spin until a condition holds, up to a number of seconds; returns whether it does."""
 
 
 class Orders:
-    """Clients of a node's; ``wait`` spins it."""
+    """Service clients of a node; ``wait`` spins it."""
 
     def __init__(self, node: Node, wait: Wait) -> None:
         self._wait = wait
@@ -41,7 +41,7 @@ class Orders:
         return bool(self._triggers[name].service_is_ready())
 
     def call(self, name: str, begun: Callable[[], bool] = lambda: False) -> None:
-        """Give an order and have it obeyed; TrialFailed otherwise. ``begun``: whether what it starts is seen."""
+        """Call a service that must succeed, or raise TrialFailed. ``begun``: whether its effect has been observed."""
         answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
         if answer and answer.message == OLD:
             self._wait(lambda: False, AWAKE_S)
@@ -50,32 +50,32 @@ class Orders:
             raise TrialFailed(f"{name} refused: {answer.message}")
 
     def send(self, name: str) -> None:
-        """Give an order and wait for nothing."""
+        """Call a service without waiting for the response."""
         self._triggers[name].call_async(Trigger.Request())
 
     def set(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set a node's parameters together, for some fit only each other; TrialFailed where it refuses: none is set."""
+        """Set a node's parameters atomically, as some are only valid together. Raises TrialFailed if it refuses."""
         result = self._ask(self._setters[node], _set(values), f"parameters of {node}").result
         if not result.successful:
             raise TrialFailed(f"{node} refused its parameters: {result.reason}")
 
     def send_values(self, node: str, values: Mapping[str, Any]) -> Future:
-        """The same without waiting for the answer."""
+        """The same without waiting for the response."""
         return self._setters[node].call_async(_set(values))
 
     def get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
-        """The values of a node's parameters; TrialFailed where it does not tell them."""
+        """The values of a node's parameters. Raises TrialFailed if there is no response."""
         answer = self._ask(self._getters[node], GetParameters.Request(names=list(names)), f"parameters of {node}")
         return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
     def film(self) -> None:
-        """Have the recorder keep frames from here on."""
+        """Have the recorder keep frames from now on."""
         if not self._wait(self._pause_images.service_is_ready, CALL_S):
             raise TrialFailed(f"the recorder does not offer {_PAUSE_IMAGES}")
         self._ask(self._pause_images, SetBool.Request(data=False), _PAUSE_IMAGES)
 
     def _ask(self, client: Client, request: Any, what: str, begun: Callable[[], bool] = lambda: False) -> Any:
-        """The answer; None where it is lost and what was asked for has begun."""
+        """The response; None if it is lost but the request is known to have been executed."""
         answer = ask(client, request, self._wait, CALL_S, begun)
         if answer is None and not begun():
             raise TrialFailed(f"no answer from {what} within {CALL_S:g} s")

@@ -1,7 +1,7 @@
-"""The lease of what is started from the page: legs and air stop when the console dies, freezes, or no page looks on.
+"""The lease for what is started from the page: legs and air stop if the console dies or freezes, or no page is open.
 
-A person at a terminal commands without a lease (decision 16), for nobody can tell whether he is there. Of a page the
-console can.
+A person at a terminal commands without a lease (decision 16), as nobody can tell whether they are present. For a page
+the console can.
 """
 
 import math
@@ -18,33 +18,33 @@ from sandbot_common.process import real_time_while
 from sandbot_common.timer import Timer
 
 PRIORITY = 2
-"""Real-time priority meanwhile: a console that waits for a CPU for as long as the lease ends what it started."""
+"""Real-time priority meanwhile: if the console waits for a CPU longer than the lease, what it started ends."""
 RENEW_S = 0.02
 HEARD_S = 1.0
-"""How long it is waited for that all who obey have heard of the lease; milliseconds, where none is frozen."""
+"""How long to wait until all obeying nodes have received the lease; it takes milliseconds unless one is frozen."""
 ANSWER_S = 10.0
 """Longer than any call takes."""
 SETTLE_S = 1.0
-"""So long after the answer, clock and bed may still tell how it was before."""
+"""For this long after the response, clock and bed may still report their earlier state."""
 
 
 class PageLease:
-    """Renewed from the node's loop for as long as ``goes_on`` says that what was started does, and somebody looks on.
+    """Renewed from the node's loop while ``needed``, that is while something started from the page is under way.
 
     It is not offered otherwise: whoever offers a lease commands, and all others would be refused.
     """
 
-    def __init__(self, ros: Node, goes_on: Callable[[], bool]) -> None:
-        self._node, self._goes_on = ros, goes_on
+    def __init__(self, ros: Node, needed: Callable[[], bool]) -> None:
+        self._node, self._needed = ros, needed
         self._until_s = -math.inf
         self._publisher: Publisher | None = None
         Timer(ros, RENEW_S, self._turn)
 
     @contextmanager
     def taken(self) -> Iterator[None]:
-        """While clock or bed are asked to start something, by another thread than the loop's, and from then on."""
+        """Context in which a thread other than the loop's asks clock or bed to start something; takes the lease."""
         if self._publisher is None and self._node.count_publishers(topics.OPERATOR_LEASE.relative):
-            yield  # a campaign commands: its word decides
+            yield  # a campaign commands, under its own lease
             return
         self._until_s = time.monotonic() + ANSWER_S
         try:
@@ -56,12 +56,12 @@ class PageLease:
     def _await_hearers(self) -> None:
         for _ in range(round(HEARD_S / RENEW_S)):
             time.sleep(RENEW_S)
-            # Not for longer at a time: it keeps Python's lock, and nothing would be renewed meanwhile.
+            # Without a timeout: it holds the GIL, and nothing would be renewed meanwhile.
             if self._publisher is not None and self._publisher.wait_for_all_acked(Duration()):
                 return
 
     def _turn(self) -> None:
-        if time.monotonic() < self._until_s or (self._publisher is not None and self._goes_on()):
+        if time.monotonic() < self._until_s or (self._publisher is not None and self._needed()):
             self._renew()
         elif self._publisher is not None:
             self._node.destroy_publisher(self._publisher)

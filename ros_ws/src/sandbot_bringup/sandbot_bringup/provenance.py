@@ -1,4 +1,4 @@
-"""What a bag says of its own trial: the /trial message and the MCAP metadata record `trial`."""
+"""A bag's record of its own trial: the /trial message and the MCAP metadata record `trial`."""
 
 import json
 import subprocess
@@ -57,7 +57,7 @@ def trial_metadata(
 
 @cache
 def commit() -> str:
-    """The commit this software runs from, with `-dirty` where it was changed; `unknown` outside a checkout."""
+    """The commit this software runs from, with `-dirty` if it was changed; `unknown` outside a checkout."""
     here = Path(__file__).resolve().parent
     try:
         found = subprocess.run(

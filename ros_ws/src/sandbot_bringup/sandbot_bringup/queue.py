@@ -1,6 +1,6 @@
-"""A campaign's queue: what is done, under way and to come, and what the operator changed of it. Pure.
+"""A campaign's queue: trials done, under way and to come, and the operator's changes to it. Pure.
 
-What was measured stays: a finished trial is neither skipped nor replaced; repeating it adds a replicate.
+Measurements are kept: a finished trial is neither skipped nor replaced; repeating it adds a replicate.
 """
 
 import math
@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 
 
 class State(StrEnum):
-    """What became of a trial so far."""
+    """State of a trial."""
 
     WAITING = "waiting"
     RUNNING = "running"
@@ -27,24 +27,24 @@ class State(StrEnum):
 
 @dataclass
 class Entry:
-    """One trial in the queue; ``turn`` is its place among those that wait."""
+    """One trial in the queue; ``turn`` is its position among those that wait."""
 
     trial: PlannedTrial
     turn: int
     state: State = State.WAITING
     reason: str = ""
-    """Why it failed, was stopped or is skipped; of one that waits again, why it did before."""
+    """Why it failed, was stopped or is skipped; kept if it waits again."""
     seconds: float = math.nan
-    """How long it took, bed and all."""
+    """How long it took, including the bed's preparation."""
     measured: Mapping[str, Any] = field(default_factory=dict)
     """phi, speed_m_s and lift_m of a finished trial, as far as they were measured."""
 
 
 class Queue:
-    """The trials of a plan in the order they are run. Every change by the operator raises InputError where it can't be.
+    """The trials of a plan in the order they are run. An impossible change by the operator raises InputError.
 
-    ``finished``: the trials that have a bag. ``events``: a journal's; what was skipped stays so when a campaign is
-    resumed, what failed is run again.
+    ``finished``: the trials that have a bag. ``events``: those of a journal; when a campaign is resumed, skipped trials
+    stay skipped and failed ones are run again.
     """
 
     def __init__(self, plan: Plan, finished: Collection[str], events: Iterable[Event] = ()) -> None:
@@ -60,16 +60,16 @@ class Queue:
                 entry.state, entry.measured = State.WAITING, {}
 
     def grow(self, plan: Plan) -> list[str]:
-        """Take in the trials that a plan has got since, at the end; their names."""
-        new = [one for one in trials_of(plan) if one.trial_id not in self.entries]
+        """Append the trials that have been added to a plan; returns their names."""
+        new = [trial for trial in trials_of(plan) if trial.trial_id not in self.entries]
         first = self._last_turn + 1
-        for turn, trial in enumerate(sorted(new, key=lambda one: one.run_order), start=first):
+        for turn, trial in enumerate(sorted(new, key=lambda trial: trial.run_order), start=first):
             self.entries[trial.trial_id] = Entry(trial, turn)
         self.plan = plan
         return [trial.trial_id for trial in new]
 
     def take(self, other: "Queue") -> None:
-        """Become as a copy that was changed."""
+        """Take over the state of a changed copy."""
         self.plan, self.entries = other.plan, other.entries
 
     @property
@@ -90,7 +90,7 @@ class Queue:
                 entry.measured = event.get("measured", {})
 
     def next(self) -> PlannedTrial | None:
-        """The trial whose turn it is; None where nothing waits."""
+        """The trial whose turn it is; None if nothing waits."""
         waiting = [entry for entry in self.entries.values() if entry.state is State.WAITING]
         return min(waiting, key=lambda entry: entry.turn).trial if waiting else None
 
@@ -113,11 +113,11 @@ class Queue:
         self.entries[trial_id].state, self.entries[trial_id].reason = State.FAILED, reason
 
     def put_back(self, trial_id: str, reason: str) -> None:
-        """It was stopped by hand: still its turn."""
+        """The trial was stopped by hand, and is still next."""
         self.entries[trial_id].state, self.entries[trial_id].reason = State.WAITING, reason
 
     def skip(self, trial_id: str) -> str:
-        """Leave out a trial that waits or failed; what follows from it."""
+        """Skip a trial that waits or failed; returns a message."""
         entry = self._entry(trial_id)
         if entry.state in (State.RUNNING, State.DONE):
             raise InputError(f"{trial_id} is {entry.state}; only a trial that waits or failed can be skipped")
@@ -125,7 +125,7 @@ class Queue:
         return f"{trial_id} is skipped"
 
     def repeat(self, trial_id: str) -> str:
-        """Run what failed or was skipped at the end of the queue, or add a replicate of what is done."""
+        """Run a failed or skipped trial at the end of the queue, or add a replicate of a finished one."""
         entry = self._entry(trial_id)
         trial = entry.trial
         if entry.state is State.DONE:
@@ -149,28 +149,28 @@ class Queue:
     @property
     def measured(self) -> bool:
         """Whether any trial is done."""
-        return any(one.state is State.DONE for one in self.entries.values())
+        return any(entry.state is State.DONE for entry in self.entries.values())
 
     @property
     def skipped(self) -> list[str]:
-        """The operator's vetoes."""
-        return [name for name, one in self.entries.items() if one.state is State.SKIPPED]
+        """Names of the trials the operator has skipped."""
+        return [name for name, entry in self.entries.items() if entry.state is State.SKIPPED]
 
     @property
     def failed(self) -> dict[str, str]:
-        """Reasons by trial."""
-        return {name: one.reason for name, one in self.entries.items() if one.state is State.FAILED}
+        """Reasons of the failed trials, by name."""
+        return {name: entry.reason for name, entry in self.entries.items() if entry.state is State.FAILED}
 
     def left_s(self) -> float:
-        """Seconds until nothing waits: trials like those that are done, as long as these took; NaN before the first.
+        """Estimated seconds until nothing waits; NaN before the first trial is done.
 
-        What a trial takes besides its walk (bed, recorder) is the median over those that are done.
+        The time of a trial besides its walk (bed, recorder) is taken as the median over finished trials.
         """
         done = [entry for entry in self.entries.values() if math.isfinite(entry.seconds)]
         if not done:
             return math.nan
         besides_s = median(entry.seconds - self._walk_s(entry) for entry in done)
-        to_come = [one for one in self.entries.values() if one.state in (State.WAITING, State.RUNNING)]
+        to_come = [entry for entry in self.entries.values() if entry.state in (State.WAITING, State.RUNNING)]
         return sum(self._walk_s(entry) + besides_s for entry in to_come)
 
     def _walk_s(self, entry: Entry) -> float:

@@ -1,4 +1,4 @@
-"""The recorder of one live trial, a process of its own: what goes on is recorded whatever becomes of the campaign."""
+"""The recorder of one live trial, a separate process: it goes on recording whatever happens to the campaign."""
 
 import os
 import signal
@@ -12,11 +12,11 @@ from sandbot_common import topics
 
 _FRAMES = {view.image for view in topics.VIEWS.values()}
 _ENCODED = {view.jpeg for view in topics.VIEWS.values()}
-"""Written by the recorder itself, from the frames."""
+"""Topics that the recorder itself makes from the frames."""
 
 
 class RecorderProcess:
-    """Records until it is told how the trial ended, or until this process is gone: its standard input ends then."""
+    """Records until ``tell`` gives it the exit status, or until this process is gone, which ends its standard input."""
 
     def __init__(self, bag: Path, images: str, attachments: Sequence[Path], namespace: str = "/") -> None:
         """``images``: none, jpeg, video or raw. ``namespace``: that of the trackway."""
@@ -27,7 +27,7 @@ class RecorderProcess:
         command += ["--pause-images"] if images != "none" else []
         command += ["--fresh", "--end-with-stdin", "--out", str(bag), "--attach", *map(str, attachments)]
         command += ["--ros-args", "-r", f"__ns:={namespace}"]
-        # A session of its own: Ctrl-C and a closed terminal reach us first, and the legs are stopped while it records.
+        # In its own session: Ctrl-C and a closed terminal reach only us, and the legs are stopped while it records.
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -42,18 +42,18 @@ class RecorderProcess:
 
     @property
     def pid(self) -> int:
-        """Its number on this host."""
+        """Its process ID."""
         return self._process.pid
 
     @property
     def ended(self) -> bool:
-        """Whether it is gone, and everything it said has been read; who was killed has no last words to wait for."""
+        """Whether it is gone and its output has been read; if it was killed there is no last line to wait for."""
         code = self._process.poll()
         return code is not None and (code < 0 or not self._reader.is_alive())
 
     @property
     def frozen(self) -> bool:
-        """Whether it has been stopped (SIGSTOP): it is our child, so the system tells at once."""
+        """Whether it has been stopped (SIGSTOP), which the system reports at once for a child process."""
         if self._process.poll() is not None:
             return False
         found = os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT)
@@ -66,12 +66,12 @@ class RecorderProcess:
 
     @property
     def why_ended(self) -> str:
-        """Its last words, or the signal that left it none."""
+        """Its last line of output, or the signal that killed it."""
         code = self.code or 0
         return f"killed by {signal.Signals(-code).name}" if code < 0 else self.last_line
 
     def tell(self, exit_status: str) -> None:
-        """How the trial ended: one line, and the recording ends."""
+        """Send the trial's exit status, one line, which ends the recording."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(" ".join(exit_status.split()) + "\n")
@@ -80,7 +80,7 @@ class RecorderProcess:
             pass  # it has ended by itself
 
     def kill(self) -> None:
-        """End it by force; what was flushed is for `recover`."""
+        """Kill it; `recover` can restore what was flushed."""
         self._process.kill()
         self._process.wait()
 

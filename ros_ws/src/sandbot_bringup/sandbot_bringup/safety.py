@@ -1,7 +1,7 @@
-"""What may be said of legs and air: pure. Fed every message, none left out, with the time it came [s, one clock].
+"""The known state of legs and air: pure. Fed with every message and its arrival time [s, one clock].
 
-Legs never move while air is on. What was heard too long ago is unknown, and said to be; but a robot that stands and a
-clock that commands nothing are silent by right. An overlap of air and motion is kept until somebody acknowledges it.
+Legs must never move while air is on. A state that was reported too long ago is unknown, and shown as such; but a robot
+at rest and a clock that commands nothing may be silent. An overlap of air and motion is kept until it is acknowledged.
 """
 
 import math
@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 FRESH_S = 0.5
-"""Legs that move and a bed report many times in this; what is older is no report."""
+"""Moving legs and a bed report many times within this; an older report does not count."""
 ALIVE_S = 1.5
-"""The clock tells its health five times a second."""
+"""The clock reports its health five times a second."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """``state`` and one line that says it to a person."""
+    """``state``, and one line that describes it to a person."""
 
     state: str
     text: str
@@ -32,7 +32,7 @@ class Overlap:
 
 @dataclass
 class _Report:
-    """The last word on one matter, and when it came."""
+    """The last reported value, and when it arrived."""
 
     value: float = math.nan
     heard_s: float = -math.inf
@@ -53,25 +53,25 @@ class Safety:
     _clock: _Report = field(default_factory=_Report)
 
     def on_legs(self, rates_rad_s: Iterable[float], now_s: float) -> None:
-        """/leg_states. NaN counts as turning."""
+        """A message of /leg_states. NaN counts as turning."""
         moving = any(rate != 0 for rate in rates_rad_s)
         if not moving and self._legs.value != 0:
             self.rest_s = now_s
         self._legs = _Report(float(moving), now_s)
-        self._look(now_s)
+        self._check_overlap(now_s)
 
     def on_air(self, level: float, now_s: float) -> None:
-        """/bed/blower. NaN counts as on."""
+        """A message of /bed/blower. NaN counts as on."""
         if level <= 0 and not self._air.value <= 0:
             self.off_s = now_s
         self._air = _Report(level, now_s)
-        self._look(now_s)
+        self._check_overlap(now_s)
 
     def on_clock(self, running: bool, now_s: float) -> None:
-        """Whether the clock says that it commands motion."""
+        """Whether the clock reports that it commands motion."""
         self._clock = _Report(float(running), now_s)
 
-    def _look(self, now_s: float) -> None:
+    def _check_overlap(self, now_s: float) -> None:
         if not (self.air(now_s).state == "on" and self.legs(now_s).state == "moving"):
             return
         if self.overlap is None:
@@ -87,18 +87,18 @@ class Safety:
         report, clock = self._legs, self._clock
         if report.age_s(now_s) <= FRESH_S:
             return Statement("moving", "legs move") if report.value else Statement("still", "legs still")
-        told = math.isfinite(report.heard_s)
+        heard = math.isfinite(report.heard_s)
         if report.value:  # NaN too: never heard
-            before = f"legs moved when last heard, {_ago(report, now_s)}" if told else "nothing heard of the legs yet"
+            before = f"legs moved when last heard, {_ago(report, now_s)}" if heard else "nothing heard of the legs yet"
         else:
             before = f"legs last heard {_ago(report, now_s)}"
         if clock.age_s(now_s) > ALIVE_S:
             return Statement("unknown", f"{before}; the clock is silent")
         if clock.value:
             return Statement("unknown", f"{before}; the clock is running")
-        if told and report.value:
+        if heard and report.value:
             return Statement("unknown", before)
-        return Statement("still", "legs still" if told else "legs not commanded, nothing heard of them yet")
+        return Statement("still", "legs still" if heard else "legs not commanded, nothing heard of them yet")
 
     def air(self, now_s: float) -> Statement:
         """on, off or unknown."""
@@ -114,7 +114,7 @@ class Safety:
         return self.legs(now_s).state == "still" and self.air(now_s).state == "off"
 
     def statement(self, now_s: float) -> Statement:
-        """broken, overlapped, unknown, air, legs or free; what is worst comes first."""
+        """broken, overlapped, unknown, air, legs or free; the worst that applies."""
         legs, air = self.legs(now_s), self.air(now_s)
         if air.state == "on" and legs.state == "moving":
             return Statement("broken", "AIR IS ON WHILE LEGS MOVE: STOP")

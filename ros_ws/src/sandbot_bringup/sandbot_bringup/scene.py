@@ -29,17 +29,17 @@ MARKS: Mapping[str, Colour] = {
     "front_axle": (0.34, 0.71, 0.91, 1.0),
     "rear_axle": (0.80, 0.47, 0.65, 1.0),
 }
-"""As on the console's pictures: told apart by colour-blind eyes as well."""
+"""As on the console's pictures: distinguishable for colour-blind people."""
 MARK_M, TEXT_M, WIDTH_SHARE = 0.015, 0.04, 0.75
-"""A mark's diameter; the height of letters; width of the body as a share of the axles' distance, the only width a
-robot file gives."""
+"""Diameter of a mark; height of letters; width of the body as a fraction of the axle distance, as a robot file has no
+width of its own."""
 BED_FROM_M, BED_TO_M, BED_WIDTH_M = -0.1, 1.3, 0.5
 _ARC = np.linspace(0.0, 1.0, 25)
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a frame is, and its turn as a quaternion (x, y, z, w)."""
+    """A frame's position, and its rotation as a quaternion (x, y, z, w)."""
 
     at_m: Floats
     turn: Floats
@@ -74,7 +74,7 @@ def camera_pose(camera: Camera) -> Pose:
 
 
 def body_pose(marks_m: Mapping[str, Floats]) -> Pose | None:
-    """Midway between the axles, on the middle of the track, nose up by the pitch; None where an axle was not seen."""
+    """Midway between the axles, on the track's centre line, nose up by the pitch; None if an axle was not seen."""
     front, rear = (marks_m.get(name, np.full(3, np.nan)) for name in ("front_axle", "rear_axle"))
     if not np.isfinite([front, rear]).all():
         return None
@@ -93,7 +93,7 @@ def marks(marks_m: Mapping[str, Floats]) -> list[Shape]:
 
 
 def bed(robot: Robot, phi: float, *, blows: bool) -> list[Shape]:
-    """The ground, level with z = 0, and its volume fraction in words."""
+    """The ground, whose surface is at z = 0, and its volume fraction as text."""
     centre = np.array([(BED_FROM_M + BED_TO_M) / 2, 0.0, -robot.bed_depth_m / 2])
     size = (BED_TO_M - BED_FROM_M, BED_WIDTH_M, robot.bed_depth_m)
     words = f"φ {phi:.4f}" if np.isfinite(phi) else "φ not known"
@@ -120,9 +120,9 @@ def robot(dimensions: Robot, pose: Pose, angles_rad: Mapping[str, float]) -> lis
 
 
 def leg(dimensions: Robot, name: str, angle_rad: float, width_m: float) -> Floats:
-    """A c-leg's arc (n, 3) [m; the body's frame], from its hip on; its centre is straight below the hip at angle 0.
+    """A c-leg's arc (n, 3) [m; the body's frame], starting at its hip; at angle 0 its centre is straight below the hip.
 
-    Where it turns its name tells: front, middle or rear, left or right.
+    Its place on the body follows from its name: front, middle or rear, left or right.
     """
     ahead_m = 0.5 * dimensions.axle_distance_m * (("front" in name) - ("rear" in name))
     side_m = (0.5 * width_m + dimensions.leg_width_m) * (-1.0 if "right" in name else 1.0)
@@ -136,7 +136,7 @@ def leg(dimensions: Robot, name: str, angle_rad: float, width_m: float) -> Float
 def scene(
     dimensions: Robot, marks_m: Mapping[str, Floats], angles_rad: Mapping[str, float], phi: float, *, blows: bool
 ) -> Sequence[Shape]:
-    """All that is to be seen now. ``marks_m``: com, front_axle, rear_axle, NaN where not seen."""
+    """All shapes visible now. ``marks_m``: com, front_axle, rear_axle, NaN if not seen."""
     pose = body_pose(marks_m)
     walking = robot(dimensions, pose, angles_rad) if pose is not None else []
     return [*bed(dimensions, phi, blows=blows), *walking, *marks(marks_m)]

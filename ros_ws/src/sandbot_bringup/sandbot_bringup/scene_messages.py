@@ -1,4 +1,4 @@
-"""The scene's shapes and poses as standard messages. The message classes are plain Python: nothing here starts ROS."""
+"""The scene's shapes and poses as standard messages. The message classes are plain Python: ROS is not started."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from sandbot_common.messages import header
 
 
 def transform(t_ns: int, frame: str, pose: Pose) -> TransformStamped:
-    """Where a frame is in the trackway frame."""
+    """A frame's pose in the trackway frame."""
     message = TransformStamped(header=header(t_ns), child_frame_id=frame)
     _put(message.transform.translation, "xyz", pose.at_m)
     _put(message.transform.rotation, "xyzw", pose.turn)
@@ -20,7 +20,7 @@ def transform(t_ns: int, frame: str, pose: Pose) -> TransformStamped:
 
 
 def marker_array(t_ns: int, shapes: Sequence[Shape]) -> MarkerArray:
-    """These shapes, in place of all that were drawn before."""
+    """These shapes, which replace all drawn before."""
     clear = Marker(header=header(t_ns), action=Marker.DELETEALL)
     return MarkerArray(markers=[clear, *(_marker(t_ns, shape) for shape in shapes)])
 

@@ -1,6 +1,6 @@
-"""The scene node: bed, robot and marks as /scene, and where body and cameras are as /frames, for RViz and Foxglove.
+"""The scene node: bed, robot and marks as /scene, and the poses of body and cameras as /frames, for RViz and Foxglove.
 
-/frames carries what /tf would: its message package (tf2_msgs) has no wheel. Foxglove takes these as they are.
+/frames replaces /tf, whose message package (tf2_msgs) has no wheel. Foxglove accepts it directly.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _FIXED = node.fixed("the scene's parameters are read at the start: restart it to
 
 
 class SceneNode(Node):
-    """Keeps the last word on everything, and draws it where somebody looks."""
+    """Keeps the latest state, and draws it if there are subscribers."""
 
     def __init__(self) -> None:
         super().__init__("scene")
@@ -65,7 +65,7 @@ class SceneNode(Node):
         self._angles = dict(zip(message.name, message.position, strict=False))
 
     def _on_blower(self, message: Any) -> None:
-        # "not <=" so that NaN is on.
+        # "not <=" so that NaN counts as on.
         self._blows = not message.data <= 0
 
     def _on_phi(self, message: Any) -> None:

@@ -1,4 +1,4 @@
-"""Parameters of the scene node, and its command line: both are there before ROS is."""
+"""Parameters of the scene node, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ class SceneParameters:
     """What is drawn for RViz, and how often."""
 
     rate_hz: float = parameter(20.0, unit="Hz", doc="pictures of the scene a second", low=0.1, high=100.0)
-    cameras: str = parameter("", doc="cameras file, for where the cameras are; empty: the project's own")
-    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot that /trial tells")
+    cameras: str = parameter("", doc="cameras file, for the cameras' poses; empty: the project's own")
+    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot in /trial")
 
 
 main = cli.node("sandbot_bringup.scene_node", SceneParameters)

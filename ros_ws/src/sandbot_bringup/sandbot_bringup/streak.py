@@ -1,26 +1,26 @@
-"""Trials that fail one after another of one cause: pure. More of the same would measure nothing either."""
+"""Detects consecutive trials that fail for the same cause: pure. Further trials would fail as well."""
 
 import re
 from dataclasses import dataclass
 
 ALIKE = 5
-"""So many in a row are no chance: of a machine that spoils one trial in four five running are one in a thousand."""
+"""This many in a row are no coincidence: if one trial in four fails at random, five in a row have a chance of 1e-3."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass
 class Streak:
-    """Reasons are alike where they differ in numbers only: times, positions, the trial's name."""
+    """Two reasons have the same cause if they differ only in numbers: times, positions, the trial's name."""
 
     _cause: str = ""
     _count: int = 0
 
     def end(self) -> None:
-        """A trial went well, or somebody has seen to it."""
+        """A trial succeeded, or the operator has taken over."""
         self._cause, self._count = "", 0
 
     def failed(self, reason: str) -> str:
-        """A trial failed; why the next ones would, too, or an empty string."""
+        """A trial failed; returns why the next ones would fail, too, or an empty string."""
         cause = _NUMBER.sub("#", reason)
         self._count = self._count + 1 if cause == self._cause else 1
         self._cause = cause

@@ -1,4 +1,4 @@
-"""The messages of one batch trial, gathered on the trial's own time and written in order of time."""
+"""The messages of one batch trial, collected in the trial's own time and written in order of time."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -38,11 +38,11 @@ class TrialBag:
         self._next_height_s = 0.0
 
     def add(self, topic: Topic, t_ns: int, message: Any) -> None:
-        """One message, stamped and logged at the same instant."""
+        """Add a message, stamped and logged at the same instant."""
         self._messages.append((t_ns, topic, to_cdr(message)))
 
     def announce(self, trial: str) -> None:
-        """What is being run, before anything happens."""
+        """Announce the trial, before anything happens."""
         self.add(topics.TRIAL, self._start_ns, messages.string(trial))
 
     def legs_start(self, lead_s: float) -> None:
@@ -57,7 +57,7 @@ class TrialBag:
             self.add(topic, stamp, messages.joint_state(stamp, self._leg_order, angle, rate, effort))
 
     def frame(self, camera: str, t_s: float, pixels: NDArray[np.uint8], kept: str) -> None:
-        """One frame: ``kept`` raw, as jpeg, in a video beside the messages, or none at all."""
+        """Add a frame: ``kept`` raw, as jpeg, in a video file next to the messages, or not at all."""
         stamp, frame = self._at(t_s), topics.optical_frame(camera)
         if kept == "raw":
             self.add(topics.VIEWS[camera].image, stamp, messages.image(stamp, frame, pixels))
@@ -67,7 +67,7 @@ class TrialBag:
             self.add(topics.VIEWS[camera].jpeg, stamp, messages.jpeg(stamp, frame, encode_jpeg(pixels)))
 
     def camera(self, name: str, t_s: float, camera: Camera) -> None:
-        """What a camera sees with."""
+        """Add a camera's intrinsics."""
         stamp, frame, size = self._at(t_s), topics.optical_frame(name), (camera.width, camera.height)
         self.add(
             topics.VIEWS[name].info, stamp, messages.camera_info(stamp, frame, size, camera.matrix, camera.distortion)
@@ -104,7 +104,7 @@ class TrialBag:
     def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
         """Write the bag under its name, whole or not at all."""
         with BagWriter(path) as writer:
-            # A file is opened at its first frame. Until then its index holds the frames themselves.
+            # A video file is opened at its first frame; until then the frames themselves are stored under its index.
             videos = {
                 index: VideoFile(writer.folder / file_name(topics.VIEWS[name].image.name), _LOSSLESS)
                 for name, index in _INDEX.items()

@@ -1,4 +1,4 @@
-"""Open the virtual lab's sealed world after the analysis has spoken, and say whether it was right."""
+"""Open the virtual lab's sealed world after the analysis, and judge whether the verdict was right."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +8,10 @@ from sandbot_lab.world import World
 
 
 def truth_of(world: World, plan: Plan) -> frozenset[str]:
-    """The effects really present: those switched on, and the slow phase where the gait has one.
+    """The effects really present: those of the world, and the slow phase if the gait has one.
 
-    With a clock signal whose stance is slower than the mean rate the legs really push at that rate; no switch of the
-    world is needed for it.
+    If the clock signal's stance is slower than the mean rate, the legs push at the slower rate without any effect in
+    the world file.
     """
     slow = {"slow_phase_speed"} if abs(plan.clock_gait.slow_phase_ratio - 1) > 0.01 else set()
     return frozenset(world.effects) | slow
@@ -19,7 +19,7 @@ def truth_of(world: World, plan: Plan) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Whether the verdict names the truth; ``line`` says it in one sentence."""
+    """Whether the verdict names the truth; ``line`` explains it in one sentence."""
 
     agrees: bool
     line: str
@@ -28,13 +28,13 @@ class Agreement:
 def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
     """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1 or /2).
 
-    Right is: adequate where nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden set
-    among the alternatives; partial with effects that are hidden. Everything else is wrong, ``unexplained`` and
-    ``untested`` included.
+    Right verdicts are: adequate if nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden
+    set among the alternatives; partial with hidden effects only. Everything else is wrong, including ``unexplained``
+    and ``untested``.
     """
     status = verdict["status"]
     named = frozenset(verdict["effects"])
-    alternatives = {frozenset(one) for one in verdict.get("alternatives", [])} | {named}
+    alternatives = {frozenset(effects) for effects in verdict.get("alternatives", [])} | {named}
     hidden = _names(truth)
     if status == "adequate":
         return Agreement(not truth, f"the sealed truth holds {hidden}; the verdict was that nothing is missing")

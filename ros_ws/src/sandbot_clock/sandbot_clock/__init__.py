@@ -1,7 +1,7 @@
 """The leg clock signal: gait parameters to leg set-points.
 
 gait         Gait and its presets; leg angles and rates at any time
-phase_clock  PhaseClock: the same while ω and gait change, start and stop, without an angle jump
-schedule     instants start + n/rate, kept without drift; what is late is skipped and counted
+phase_clock  PhaseClock: the same while ω and gait change, start and stop, without jumps in angle
+schedule     instants start + n/rate without drift; missed ones are skipped and counted
 clock_node   the only module with ROS: /leg_setpoints, /clock/start, /clock/stop, /clock/home
 """

@@ -1,16 +1,16 @@
-"""The clock node: /leg_setpoints at an absolute-time schedule, started and stopped by services.
+"""The clock node: /leg_setpoints on an absolute-time schedule, started and stopped by services.
 
-Set-points are published only while the clock runs, stamped with their *scheduled* instants, after one with rate 0:
-whoever has not heard that one has come in mid-gait, and obeys none. Another with rate 0 follows when the clock stops:
-it holds the legs. After /clock/stop, /clock/start goes on from the angles held; /clock/home forgets them, so that the
-next start is t = 0 of the gait (lift the robot: the legs may jump then), and so does a robot that was not there.
+Set-points are published only while the clock runs, stamped with their *scheduled* instants. The first has rate 0: a
+receiver that missed it has joined in mid-gait, and must not obey. The last has rate 0, too, and holds the legs.
+After /clock/stop, /clock/start resumes from the angles held; /clock/home discards them, so that the next start is
+t = 0 of the gait (lift the robot: the legs may jump then); so does starting with a robot that was absent before.
 
-The legs stop by themselves, at the angles last sent, and /diagnostics says why, where
-- whoever commands (a campaign) does not renew /operator/lease; what a person starts needs none, and ends by max_run_s;
-- the robot falls silent (/leg_states), if there is one, or one comes where none was;
-- a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
-  for from one set-point to the next no leg ever turns further than in ten periods;
-- the bed's air is on (/bed/blower > 0), or another publishes /leg_setpoints: then the clock does not start either.
+The legs stop by themselves, at the angles last sent, and /diagnostics says why, if
+- the commander (a campaign) does not renew /operator/lease; a run started by hand needs none, and ends after max_run_s;
+- the robot falls silent (/leg_states), if there is one, or one appears where there was none;
+- a set-point is late by more than late_s, as when the process was held up; a shorter delay is made up for gradually, as
+  from one set-point to the next no leg ever turns further than in ten periods;
+- the bed's air is on (/bed/blower > 0), or another node publishes /leg_setpoints: then the clock does not start either.
 """
 
 import math
@@ -37,12 +37,12 @@ from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 from sandbot_common.timer import Timer, watched
 
-# Long enough to hear whether a bed blows before legs move by themselves.
+# Long enough to hear whether a bed's air is on before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
 _CATCH_UP = 10
-"""Periods that one set-point makes up for at most; what passes in more slowly changes the gait (decision 16)."""
+"""The most periods that one set-point makes up for; a tighter limit would change the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
-_SCHEDULE, _BESIDE = 20, 10
+_SCHEDULE_PRIORITY, _PRIORITY = 20, 10
 
 
 class ClockNode(Node):
@@ -61,7 +61,7 @@ class ClockNode(Node):
         self._command = Command(self, self._settings.current.lease_s)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
-        self._legs: PhaseClock | None = None  # None: at home, whatever the gait will be at the next start
+        self._legs: PhaseClock | None = None  # None: at home in whatever gait the next start has
         self._thread: threading.Thread | None = None
         self._running = False
         self._stopping = threading.Event()
@@ -78,11 +78,11 @@ class ClockNode(Node):
 
     @property
     def running(self) -> bool:
-        """Whether set-points are being published; false from the last one on."""
+        """Whether set-points are being published; false once the last one is sent."""
         return self._running
 
     def start(self) -> str:
-        """Start the schedule; the reason why not, or an empty string."""
+        """Start the schedule; returns why it could not, or an empty string."""
         wanted = self._settings.current
         if reason := self._refusal(wanted):
             return reason
@@ -90,11 +90,11 @@ class ClockNode(Node):
         self._health.level, self._health.text = 0, "ok"
         self._stopping.clear()
         schedule = Schedule(time.monotonic_ns(), wanted.rate_hz)
-        there = bool(self.count_publishers(topics.LEG_STATES.relative))
-        if there and not self._robot_there:
+        present = bool(self.count_publishers(topics.LEG_STATES.relative))
+        if present and not self._robot_there:
             self._legs = None  # no robot holds those angles
-        self._robot_there = there
-        self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO if there else -math.inf)
+        self._robot_there = present
+        self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO if present else -math.inf)
         held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
         held = replace(held, tripod=self._robot_used.legs_per_tripod)
         legs, to_ros_ns = self._robot_used.leg_order, self.get_clock().now().nanoseconds - schedule.start_ns
@@ -125,7 +125,7 @@ class ClockNode(Node):
             self._thread = None
 
     def close(self) -> None:
-        """Hold the legs before the node goes."""
+        """Hold the legs before the node ends."""
         self.stop()
 
     def _run(self, schedule: Schedule, to_ros_ns: int, legs: Sequence[str]) -> None:
@@ -137,11 +137,11 @@ class ClockNode(Node):
             nonlocal last_ns, lost_ns, fault, skipped
             now_ns = time.monotonic_ns()
             self._late_ns.append(now_ns - instant_ns)
-            # What was skipped is late as well: sending may have been held up, and the instant be the latest one due.
+            # Skipped instants are late as well: if sending was held up, this instant is only the latest one due.
             first_ns, skipped = instant_ns - round(skipped * NANO / schedule.rate_hz), 0
             fault = self._fault(now_ns, first_ns) or self._overrun(instant_ns - schedule.start_ns)
             moment_ns = now_ns if fault else instant_ns
-            # The gait's own time goes on by a few periods at most, however late this is: what was lost is regained.
+            # However late this is, the gait's own time advances by a few periods at most; the rest is made up later.
             passed_ns = moment_ns - last_ns
             lost_ns += passed_ns - (0 if fault else min(passed_ns + lost_ns, most_ns))
             last_ns = moment_ns
@@ -157,15 +157,15 @@ class ClockNode(Node):
             skipped = count
             self._missed += count
 
-        self._real_time = ask_for_real_time(_SCHEDULE)
+        self._real_time = ask_for_real_time(_SCHEDULE_PRIORITY)
         keep(schedule, duty, time.monotonic_ns, time.sleep, skip)
         if fault:
             self._health.level, self._health.text = 2, f"stopped: {fault}"
             self._health.publish()
             self.get_logger().error(self._health.text)
 
-    def _send(self, stamp_ns: int, legs: Sequence[str], told: tuple[Floats, Floats]) -> None:
-        self._setpoints.publish(messages.joint_state(stamp_ns, legs, *told, np.zeros(len(legs))))
+    def _send(self, stamp_ns: int, legs: Sequence[str], angles_rates: tuple[Floats, Floats]) -> None:
+        self._setpoints.publish(messages.joint_state(stamp_ns, legs, *angles_rates, np.zeros(len(legs))))
         self._published += 1
 
     def _fault(self, now_ns: int, instant_ns: int) -> str:
@@ -206,7 +206,7 @@ class ClockNode(Node):
         self._robot.renew(time.monotonic())
 
     def _on_trial(self, message: String) -> None:
-        """The trial's robot has its legs named from the next start on."""
+        """Use the leg names of the trial's robot from the next start on."""
         try:
             self._robot_used = robot_of_trial(message.data) or self._robot_used
         except InputError as error:
@@ -251,9 +251,9 @@ class ClockNode(Node):
         wanted = self._settings.current
         late_us = np.array(list(self._late_ns), dtype=np.float64) / 1e3
         p99 = float(np.percentile(late_us, 99)) if late_us.size else float("nan")
-        if self._health.level < 2:  # a fault says more
-            said = missed_warning(self._missed, self._published - self._published_before)
-            self._health.level, self._health.text = (1, said) if said else (0, "ok")
+        if self._health.level < 2:  # a fault takes precedence
+            warning = missed_warning(self._missed, self._published - self._published_before)
+            self._health.level, self._health.text = (1, warning) if warning else (0, "ok")
         return {
             "running": self.running,
             "gait": wanted.gait,
@@ -269,8 +269,8 @@ class ClockNode(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
-    # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
-    ask_for_real_time(_BESIDE)
+    # For the whole process: a main thread that waits for a CPU while holding the GIL would stop the schedule, too.
+    ask_for_real_time(_PRIORITY)
     return node.run(ClockNode, argv)
 
 

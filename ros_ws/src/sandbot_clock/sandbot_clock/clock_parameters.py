@@ -1,4 +1,4 @@
-"""Parameters of the clock node, and its command line: both are there before ROS is."""
+"""Parameters of the clock node, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ CUSTOM = "CUSTOM"
 
 
 def _of_gait(name: str) -> Any:
-    # The gait's own field, bounds and all, as a parameter of the node.
+    # A field of Gait with its bounds, as a parameter of the node.
     spec = next(spec for spec in specs(Gait) if spec.name == name)
     default = getattr(PRESETS["SGCS"], name)
     return parameter(default, unit=spec.unit, doc=f"{spec.doc}; of gait CUSTOM", low=spec.low, high=spec.high)
@@ -31,12 +31,12 @@ class ClockParameters:
     max_run_s: float = parameter(30.0, unit="s", doc="longest run; a campaign sets its trial's", low=0.1, high=20000)
     lease_s: float = parameter(0.25, unit="s", doc="an /operator/lease later than this stops", low=0.02, high=1.0)
     robot_s: float = parameter(0.25, unit="s", doc="/leg_states silent for longer stop the legs", low=0.02, high=1.0)
-    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot that /trial tells")
+    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot in /trial")
     late_s: float = parameter(0.1, unit="s", doc="a set-point later than this stops the legs", low=0.005, high=0.25)
 
     @property
     def gait_used(self) -> Gait:
-        """The preset named, or the three gait parameters where it is CUSTOM."""
+        """The named preset, or the three gait parameters if it is CUSTOM."""
         if self.gait == CUSTOM:
             return Gait(self.theta_s_rad, self.theta_0_rad, self.duty)
         return Gait.from_name(self.gait)

@@ -1,4 +1,4 @@
-"""The gait: where each leg stands at each time (Li09, clock signal).
+"""The gait: the angle of each leg at each time (Li09, clock signal).
 
 One turn of a leg has a slow phase (stance), the span θ_s about θ_0 during the fraction d_c of the period, and a fast
 phase (swing), the remaining 2π − θ_s. A *phase* is counted in turns and never wrapped: 0 is the start of the
@@ -20,14 +20,14 @@ Floats = NDArray[np.float64]
 
 TURN = 2 * math.pi
 TRIPOD = SANDBOT.legs_per_tripod
-"""Legs in a tripod: the first of every array are those of tripod A, the rest tripod B's."""
+"""Legs in a tripod; in every array of legs, tripod A's come first, then tripod B's."""
 TRIPOD_B_LAG = 0.5
 """Tripod B runs this many turns behind tripod A."""
 
 
 @dataclass(frozen=True)
 class Gait:
-    """The shape of the clock signal. Raises InputError where a value is out of bounds."""
+    """The shape of the clock signal. Raises InputError if a value is out of bounds."""
 
     theta_s_rad: float = parameter(unit="rad", doc="span θ_s of the slow phase", low=0.05, high=6.2)
     theta_0_rad: float = parameter(unit="rad", doc="middle θ_0 of the slow phase", low=-math.pi, high=math.pi)
@@ -71,7 +71,7 @@ PRESETS = {
 def angle_of_phase(gait: Gait, phase: ArrayLike) -> tuple[Floats, Floats]:
     """The angle [rad] and its slope [rad/turn] at a phase [turns]; both of the phase's shape.
 
-    The slope is that of the piece that begins where two meet.
+    Where two phases meet, the slope is that of the one that begins.
     """
     turns = np.asarray(phase, dtype=np.float64)
     whole = np.floor(turns)
@@ -113,7 +113,7 @@ def tripod_angles(
 
 
 def check_omega(omega_rad_s: float) -> float:
-    """ω as it is. Raises InputError if it is negative or not finite."""
+    """ω unchanged. Raises InputError if it is negative or not finite."""
     if not (math.isfinite(omega_rad_s) and omega_rad_s >= 0):
         raise InputError(f"omega_rad_s: {omega_rad_s} is not a finite number >= 0 rad/s")
     return omega_rad_s

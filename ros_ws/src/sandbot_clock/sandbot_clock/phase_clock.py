@@ -1,7 +1,7 @@
-"""A gait that runs while ω and the gait change, start and stop, and no leg ever jumps.
+"""A running gait whose ω and shape may change, which may start and stop, and in which no leg ever jumps.
 
-Changes give a new PhaseClock (it is frozen), anchored at the instant of the change: between changes the phase is
-one multiplication from the anchor, so nothing accumulates.
+Each change gives a new PhaseClock (it is frozen), anchored at the instant of the change: between changes the phase is
+one multiplication from the anchor, so no error accumulates.
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""A periodic duty kept at absolute instants: no drift, and lateness is skipped and counted, never caught up."""
+"""A periodic task at absolute instants: no drift; missed instants are skipped and counted, never caught up."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ NANO = 1_000_000_000
 
 @dataclass(frozen=True)
 class Schedule:
-    """The instants ``start_ns + n / rate_hz``, each rounded to a nanosecond by itself so that no error adds up."""
+    """The instants ``start_ns + n / rate_hz``, each rounded to a nanosecond separately so that no error accumulates."""
 
     start_ns: int
     rate_hz: float
@@ -18,7 +18,7 @@ class Schedule:
         return self.start_ns + round(n * NANO / self.rate_hz)
 
     def after(self, n: int, now_ns: int) -> int:
-        """The number to keep after ``n``: the next one, or the latest already due where whole periods are lost."""
+        """The next instant after number ``n``: n + 1, or the latest already due if whole periods were lost."""
         return max(n + 1, int((now_ns - self.start_ns) * self.rate_hz / NANO))
 
 
@@ -29,7 +29,7 @@ def keep(
     sleep_s: Callable[[float], None],
     missed: Callable[[int], None],
 ) -> None:
-    """Call ``duty(instant_ns)`` at each instant until it returns False; ``missed`` hears how many were skipped."""
+    """Call ``duty(instant_ns)`` at each instant until it returns False, and ``missed`` with the number skipped."""
     n = 0
     while True:
         instant = schedule.instant(n)
@@ -44,10 +44,10 @@ def keep(
 
 
 TOO_OFTEN = 0.01
-"""Share of missed instants that is worth a warning."""
+"""Fraction of missed instants above which a warning is given."""
 
 
 def missed_warning(missed: int, kept: int) -> str:
-    """One phrase where more than 1 % of a run's instants were missed, else an empty string."""
+    """A warning if more than 1 % of a run's instants were missed, else an empty string."""
     due = missed + kept
     return f"{missed} of {due} set-points of this run were missed" if missed > TOO_OFTEN * due else ""

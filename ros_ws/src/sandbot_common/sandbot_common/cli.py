@@ -1,4 +1,4 @@
-"""Command lines with one manner: 0 on success, 2 with one line on bad input, 130 on Ctrl-C."""
+"""Uniform command lines: exit code 0 on success, 2 with one line on bad input, 130 on Ctrl-C."""
 
 import argparse
 import ast
@@ -23,32 +23,32 @@ INTERRUPTED = 130
 
 
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser whose complaint is one line; an option is written out: ``--effect`` is not ``--effects``."""
+    """An ArgumentParser with one-line errors and no abbreviated options: ``--effect`` is not ``--effects``."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **{"allow_abbrev": False, **kwargs})
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As the base class does; an option it does not have is answered with the one that may be meant."""
+        """As the base class; for an unknown option, the error suggests the one that may have been meant."""
         options, unknown = self.parse_known_args(args, namespace)
         if unknown:
-            self.error(self._stranger(unknown[0]))
+            self.error(self._unknown_argument(unknown[0]))
         self._check_outputs(options)
         return options
 
     def _check_outputs(self, options: argparse.Namespace) -> None:
-        """No ``output`` replaces what it is made from, nor another output."""
+        """Refuse an ``output`` that would overwrite an input or another output."""
         files = [
             (action, path)
             for action in self._actions
-            for path in _several(getattr(options, action.dest, None))
+            for path in _as_list(getattr(options, action.dest, None))
             if isinstance(path, Path)
         ]
         for (action, path), (other, taken) in product(files, files):
             if action.type is output and other is not action and same_file(path, taken):
                 self.error(f"{_name(action)} {path}: would replace {_name(other)} {taken}; give another name")
 
-    def _stranger(self, word: str) -> str:
+    def _unknown_argument(self, word: str) -> str:
         if not word.startswith("-"):
             return f"{word!r} is one argument too many"
         name = word.split("=")[0]
@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
-def _several(value: Any) -> Sequence[Any]:
+def _as_list(value: Any) -> Sequence[Any]:
     return value if isinstance(value, list) else [value]
 
 
@@ -70,13 +70,13 @@ def _name(action: argparse.Action) -> str:
 
 
 OF_EVERY_NODE = ("use_sim_time", "qos_overrides.")
-"""How parameters begin that any node has."""
+"""Prefixes of the parameters that every ROS node has."""
 
 
 def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """Our own options, and what begins with --ros-args, which is ROS's own to read.
+    """Our own options, and the arguments from --ros-args on, which ROS parses.
 
-    Raises InputError for a parameter: a command that has options has none of its own.
+    Raises InputError for a ROS parameter: a command with options has no parameters of its own.
     """
     cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
     _check_rules(argv[cut:])
@@ -88,12 +88,12 @@ def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argp
 
 
 def no_parameter(name: str, program: str) -> InputError:
-    """What is raised where a command that begins by options of its own is given a parameter."""
+    """The error for a ROS parameter given to a command that is configured by options."""
     return InputError(f"--ros-args -p {name}: {program} is set by options of its own (see --help)")
 
 
 def _check_rules(arguments: Sequence[str]) -> None:
-    """ROS itself answers a rule that is none with a trace. Raises InputError."""
+    """Raises InputError for a malformed rule, for which ROS itself would print a traceback."""
     for flag, rule in pairwise([*arguments, ""]):
         if flag in ("-p", "--param", "-r", "--remap") and ":=" not in rule:
             raise InputError(f"--ros-args {f'{flag} {rule}'.strip()}: expected {flag} NAME:=VALUE")
@@ -107,9 +107,9 @@ class Main(Protocol):
 
 
 def node(module: str, parameters: type) -> Main:
-    """The console script of a node: ``--help`` and a slip are answered before ROS is loaded.
+    """The console script of a node: ``--help`` and argument errors are handled before ROS is loaded.
 
-    ``module`` has the node's ``main`` and, in its docstring, what it does; ``parameters`` is its dataclass.
+    ``module`` has the node's ``main``, and its docstring is the help text; ``parameters`` is its dataclass.
     """
 
     def start(arguments: Sequence[str]) -> int:
@@ -130,7 +130,7 @@ def node(module: str, parameters: type) -> Main:
 
 
 def _outside_ros(arguments: Sequence[str]) -> list[str]:
-    """What does not stand between --ros-args and its end (``--``, if there is one)."""
+    """The arguments outside --ros-args ... [--]."""
     own, ros = [], False
     for word in arguments:
         if word == "--ros-args":
@@ -143,7 +143,7 @@ def _outside_ros(arguments: Sequence[str]) -> list[str]:
 
 
 def _docstring(module: str) -> str:
-    """What a module says of itself, which is not imported."""
+    """The docstring of a module, without importing it."""
     found = find_spec(module)
     if found is None or found.origin is None:
         raise ModuleNotFoundError(module)
@@ -151,7 +151,7 @@ def _docstring(module: str) -> str:
 
 
 def output(text: str) -> Path:
-    """A file to write, as an argparse type. What can't be one is refused before the work begins."""
+    """A file to write, as an argparse type: a path that can't be written is refused before the work begins."""
     try:
         return check_output(Path(text))
     except InputError as error:
@@ -163,13 +163,13 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     name = os.path.basename(sys.argv[0])
     speak_line_by_line()
     try:
-        # `trackway` and `ros2 run` hold Ctrl-C back until there is somebody to answer it in one line.
+        # `trackway` and `ros2 run` block Ctrl-C until here, where it can be reported in one line.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         code = command(sys.argv[1:] if argv is None else argv) or 0
-        _check_heard()
+        _check_output_written()
         return code
     except InputError as error:
-        # A file's name may hold the end of a line.
+        # A file name may contain a newline.
         print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
@@ -177,21 +177,21 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
         return INTERRUPTED
 
 
-def _check_heard() -> None:
-    """Refuse to call done what could not be printed, as on a full disk."""
+def _check_output_written() -> None:
+    """Raise InputError if output was lost, as on a full disk."""
     if isinstance(sys.stdout, Outlet) and sys.stdout.lost:
-        raise InputError(f"output: {sys.stdout.lost.strerror}; what was written to files of its own is complete")
+        raise InputError(f"output: {sys.stdout.lost.strerror}; files written by the command are complete")
 
 
 class Outlet(io.TextIOWrapper):
-    """An output whose reader (head, less) may go, or whose disk may be full: from then on it is silent, for the work
-    goes on and files may still have to be written."""
+    """A stream whose reader (head, less) may close, or whose disk may be full: it then discards its output, so that the
+    work goes on."""
 
     lost: OSError | None = None
-    """Why output was lost; that a reader wants no more is no loss."""
+    """Why output was lost. A reader that has seen enough is no loss."""
 
     def write(self, text: str, /) -> int:
-        """As of any text stream."""
+        """As for any text stream."""
         try:
             return super().write(text)
         except OSError as error:
@@ -199,7 +199,7 @@ class Outlet(io.TextIOWrapper):
             return len(text)
 
     def flush(self) -> None:
-        """As of any text stream."""
+        """As for any text stream."""
         try:
             super().flush()
         except OSError as error:
@@ -211,10 +211,10 @@ class Outlet(io.TextIOWrapper):
 
 
 def speak_line_by_line() -> None:
-    """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …".
+    """Make stdout and stderr line-buffered, also through a pipe: other programs wait for "recording to …".
 
-    Progress and errors as well: ``campaign PLAN 2>&1 | head`` ends no campaign. Nor does an output that was closed from
-    the start, or one whose encoding has no φ.
+    Neither ``campaign PLAN 2>&1 | head``, nor a stream that was closed from the start, nor an encoding without φ then
+    ends a campaign.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

@@ -1,4 +1,4 @@
-"""A crew on other machines: the workers of a Dask cluster."""
+"""Parallel work on other machines: the workers of a Dask cluster."""
 
 import asyncio
 import concurrent.futures
@@ -19,9 +19,9 @@ from sandbot_common.errors import InputError
 PATIENCE_S = 10.0
 """How long to wait for a cluster."""
 CHUNKS_PER_THREAD = 4
-"""Chunks the cluster gets for each of its threads, so that none stands idle for long while another finishes."""
+"""Chunks of work per thread of the cluster, so that no thread is idle for long while another finishes."""
 LONGEST_CHUNK = 16
-"""A short task lasts tens of milliseconds, a scheduler needs about one for it: larger chunks would only make the
+"""A short task takes tens of milliseconds and costs the scheduler about one: larger chunks would only make the
 progress bar jerky."""
 
 
@@ -31,8 +31,8 @@ def connected(
 ) -> Iterator["Cluster"]:
     """The Dask cluster whose scheduler is at ``address`` (tcp://host:8786).
 
-    Its workers need this project's packages; modules ``by_value`` travel with the tasks. Raises InputError if Dask is
-    not installed, no scheduler or no worker is there within ``patience_s``, or the cluster is lost on the way.
+    Its workers need this project's packages; modules ``by_value`` are sent with the tasks. Raises InputError if Dask is
+    not installed, if no scheduler or no worker answers within ``patience_s``, or if the cluster is lost meanwhile.
     """
     try:
         import cloudpickle  # type: ignore[import-untyped]
@@ -47,7 +47,7 @@ def connected(
         asyncio.run(_answers(address, patience_s))
         client = Client(address, timeout=patience_s, set_as_default=False)
     except (OSError, OverflowError, ValueError) as error:
-        # Dask's own time and ours end together; either may be the first to say so.
+        # Dask's timeout and ours are equal; either may expire first.
         late = isinstance(error, TimeoutError) or "Timed out" in str(error)
         why = f"no answer within {patience_s:g} s" if late else _line(error)
         raise InputError(f"--dask {address!r}: no Dask scheduler there ({why}); e.g. tcp://host:8786") from None
@@ -60,7 +60,7 @@ def connected(
 
 
 async def _answers(address: str, patience_s: float) -> None:
-    """Wait for a Dask scheduler to shake hands; a Client would wait for ever for another kind of server."""
+    """Wait for the handshake of a Dask scheduler; with another kind of server a Client would wait forever."""
     from distributed import Security
     from distributed.comm import connect
 
@@ -79,8 +79,8 @@ class Cluster:
 
     @property
     def size(self) -> int:
-        """Threads of all workers that are there now. Raises BrokenExecutor where the cluster is lost."""
-        if self._client.scheduler is None:  # given up, and a client has nobody to ask any more
+        """Threads of all workers now connected. Raises BrokenExecutor if the cluster is lost."""
+        if self._client.scheduler is None:  # the client has given up
             raise BrokenExecutor("no scheduler is connected")
         try:
             threads: int = sum(self._client.nthreads().values())
@@ -89,18 +89,18 @@ class Cluster:
         return max(threads, 1)
 
     def check(self, folder: Path) -> None:
-        """Raises InputError where a worker does not see the folder: bags go through the file system."""
+        """Raises InputError if a worker does not see the folder: bags are shared through the file system."""
         path = str(folder.absolute())
         for worker, there in self._client.run(os.path.isdir, path).items():
             if not there:
                 raise InputError(f"--dask {self._address}: worker {worker} does not see {path}")
 
     def map(self) -> AbstractContextManager[Map]:
-        """Tasks go in chunks: what those of a chunk share is sent once."""
+        """A ``map`` that sends tasks in chunks: what the tasks of a chunk share is sent once."""
         return nullcontext(self._spread)
 
     def executor(self) -> Executor:
-        """Tasks go one by one; one whose worker dies is done by another."""
+        """An executor that sends tasks one by one; if a worker dies, another repeats its task."""
         return _ClusterExecutor(self._client, self._dumps)
 
     def _spread(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
@@ -119,17 +119,17 @@ class Cluster:
 
 
 class _ClusterExecutor(Executor):
-    """Replaces Dask's own, which waits for ever if a worker dies before its result is fetched and the retry fails."""
+    """Replaces Dask's own executor, which hangs if a worker dies before its result is fetched and the retry fails."""
 
     def __init__(self, client: Any, dumps: Callable[[Any], bytes]) -> None:
         self._client, self._dumps = client, dumps
-        self._handed_over: set[Future[Any]] = set()
+        self._submitted: set[Future[Any]] = set()
 
     def submit(self, function: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """A future that is cancelled where the cluster is lost."""
+        """A future that is cancelled if the cluster is lost."""
         found: Future[Any] = Future()
-        self._handed_over.add(found)
-        found.add_done_callback(self._handed_over.discard)
+        self._submitted.add(found)
+        found.add_done_callback(self._submitted.discard)
         task = self._client.submit(_unpacked(), self._dumps(partial(function, *args, **kwargs)), pure=False)
         task.add_done_callback(partial(self._fetch, found))
         return found
@@ -145,13 +145,13 @@ class _ClusterExecutor(Executor):
                 found.set_running_or_notify_cancel()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
-        """Dask forgets a task that is cancelled, but does not end it: what was handed over is waited for."""
+        """Wait for all submitted tasks: Dask forgets a cancelled task but does not end it."""
         if wait:
-            concurrent.futures.wait(set(self._handed_over))
+            concurrent.futures.wait(set(self._submitted))
 
 
 def _unpacked() -> Callable[[bytes], Any]:
-    # A function within a function is pickled by value: the scheduler needs none of this project's packages.
+    # A nested function is pickled by value, so the scheduler needs none of this project's packages.
     def run(work: bytes) -> Any:
         return pickle.loads(work)()
 
@@ -177,7 +177,7 @@ def _result(future: Any, address: str) -> list[Any]:
 
 
 def chunk_size(tasks: int, threads: int) -> int:
-    """Tasks a chunk for a cluster of so many threads."""
+    """Tasks per chunk for a cluster with this number of threads."""
     return min(max(tasks // (CHUNKS_PER_THREAD * max(threads, 1)), 1), LONGEST_CHUNK)
 
 

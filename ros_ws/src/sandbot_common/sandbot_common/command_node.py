@@ -1,4 +1,4 @@
-"""Who may command legs and air, for the nodes that obey: the commander's lease, and whether his process runs."""
+"""Who may command legs and air, as the obeying nodes see it: the commander's lease, and whether its process runs."""
 
 import math
 import threading
@@ -15,9 +15,9 @@ from sandbot_common.node import NAMELESS, PROCESS, names_of, subscription
 
 
 class Partners:
-    """Other nodes of this host as processes: who is gone or frozen commands nothing more, and no lease need run out.
+    """Other nodes of this host as processes: one that is gone or frozen is detected before its lease runs out.
 
-    On another host nothing is known of them but that they fall silent.
+    A node on another host is noticed only by its silence.
     """
 
     def __init__(self, node: Node) -> None:
@@ -25,20 +25,20 @@ class Partners:
         subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
 
     def begin(self, name: str) -> None:
-        """``name`` commands from now on; if a process of that name has ended, it was an earlier one."""
+        """``name`` commands from now on: forget an earlier process of that name that has ended."""
         if self.fault(name):
             with self._lock:
                 self._neighbours.forget(name)
 
     def fault(self, name: str) -> str:
-        """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
-        # Asked here and not by a timer: that would stand behind all that a busy node has not yet heard.
+        """What happened to it, e.g. "the clock is gone"; an empty string while it runs or nothing is known of it."""
+        # Checked here and not by a timer, which in a busy node would queue behind all pending messages.
         with self._lock:
             fault = self._neighbours.fault_of(name, time.monotonic())
         return f"the {name} {fault}" if fault else ""
 
     def lost(self, name: str, lease: Lease, silence: str) -> str:
-        """Why to obey him no more: what has become of him, or ``silence`` for too long; empty while he commands."""
+        """Why to stop obeying it: its process has failed, or ``silence`` for too long; empty while it commands."""
         if fault := self.fault(name):
             return fault
         return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
@@ -50,14 +50,14 @@ class Partners:
 
 
 class Rivals:
-    """Several commanders of the same legs. No message says who sent it, so whoever obeys looks who publishes."""
+    """Detects several commanders of the same legs. Messages do not name their sender, so the publishers are counted."""
 
     def __init__(self, node: Node, topic: topics.Topic) -> None:
         self._node, self._topic = node, topic
         self._looked_s, self._fault = -math.inf, ""
 
     def fault(self) -> str:
-        """That "a and b both publish /leg_setpoints"; an empty string while one does, or nobody."""
+        """E.g. "a and b both publish /leg_setpoints"; an empty string while there is at most one publisher."""
         now_s = time.monotonic()
         if now_s - self._looked_s >= LOOK_S:
             self._looked_s, self._fault = now_s, self._look()
@@ -65,17 +65,17 @@ class Rivals:
 
     def _look(self) -> str:
         name = self._topic.relative
-        if self._node.count_publishers(name) < 2:  # costs a tenth of asking for their names
+        if self._node.count_publishers(name) < 2:  # ten times cheaper than getting their names
             return ""
-        names = [one for one in names_of(self._node.get_publishers_info_by_topic(name)) if one != NAMELESS]
+        names = [node for node in names_of(self._node.get_publishers_info_by_topic(name)) if node != NAMELESS]
         return f"{' and '.join(names)} both publish {self._topic.name}" if len(names) > 1 else ""
 
 
 class Command:
-    """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
+    """The commander's lease as the obeying nodes see it: checked before motion or air begins and at each step.
 
-    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew. A lease is his who
-    renewed it when motion or air began: nobody else can keep them going.
+    If nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew. The lease belongs to
+    whoever renewed it when motion or air began: nobody else can keep them going.
     """
 
     def __init__(self, node: Node, limit_s: float) -> None:
@@ -86,11 +86,11 @@ class Command:
         subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
 
     def begin(self, limit_s: float) -> str:
-        """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
+        """Why nothing may begin; an empty string if it may, from now on under this lease or by hand."""
         self._holder, self._lease = self._heard_from, Lease(limit_s, self._heard_s)
         holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
-        # DDS forgets a killed one after 20 s, and his name before that; the system tells at once.
+        # DDS forgets a killed publisher after 20 s, and its name earlier; the operating system knows at once.
         living = [name for name in holders if name != NAMELESS and not self._partners.fault(name)]
         self._partners.begin(self._holder)
         if len(living) > 1:

@@ -1,4 +1,4 @@
-"""The project's own configuration files, found in the overlay: rooms that need one do not import bringup."""
+"""The project's own configuration files, found in the overlay, so that packages which need one don't import bringup."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Who does work that can be shared out: worker processes here, or the workers of a Dask cluster (``cluster``)."""
+"""Parallel work: on worker processes here, or on the workers of a Dask cluster (``cluster``)."""
 
 import argparse
 import os
@@ -14,50 +14,50 @@ from sandbot_common.errors import InputError
 from sandbot_common.workers import pool
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""What ``map`` does, in order."""
+"""The signature of an order-preserving ``map``."""
 
 
 class Crew(Protocol):
-    """Those who work at once."""
+    """Workers that run tasks in parallel."""
 
     @property
     def size(self) -> int:
-        """How many they are."""
+        """The number of workers."""
 
     @property
     def lost(self) -> str:
-        """Why their executor gives no results any more, in words."""
+        """The message for an executor that has broken down."""
 
     def check(self, folder: Path) -> None:
-        """Raises InputError where one of them does not see a folder that this process sees."""
+        """Raises InputError if a worker does not see a folder that this process sees."""
 
     def map(self) -> AbstractContextManager[Map]:
-        """A ``map`` that keeps the order, for work of this process: many short tasks that share much."""
+        """An order-preserving ``map`` for many short tasks that share much data of this process."""
 
     def executor(self) -> AbstractContextManager[Executor]:
-        """An executor for long tasks of functions that can be found by name."""
+        """An executor for long tasks, whose functions must be importable by name."""
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Worker processes of this machine; one alone does short tasks in this process."""
+    """Worker processes of this machine; with ``size`` 1, short tasks run in this process."""
 
     size: int
     lost = "a worker process was killed (out of memory?)"
 
     def check(self, folder: Path) -> None:
-        """They see what this process sees."""
+        """Local workers see what this process sees."""
 
     @contextmanager
     def map(self) -> Iterator[Map]:
-        """Forked: they see a user's effects, none of which could be found again by name."""
+        """Forked workers: they inherit a user's effects, which can't be imported by name."""
         if self.size <= 1:
             yield map
             return
         forked = pool(self.size, "fork")
 
         def spread(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
-            # One alone is done here: what it loads and compiles the workers, forked later, have already.
+            # A single task runs here: workers forked later inherit what it loads and compiles.
             return map(function, tasks) if len(tasks) == 1 else forked.map(function, tasks)
 
         try:
@@ -66,19 +66,19 @@ class Processes:
             forked.shutdown(cancel_futures=True)
 
     def executor(self) -> Executor:
-        """Spawned: a forked worker would inherit the parent's threads (numba, DDS)."""
+        """Spawned workers: forked ones would inherit the state of the parent's threads (numba, DDS)."""
         return pool(self.size, "spawn")
 
 
 def one_a_cpu() -> Processes:
-    """As many processes as this machine has processors."""
+    """One process per CPU of this machine."""
     return Processes(os.cpu_count() or 1)
 
 
 def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = None) -> None:
-    """Options ``--workers`` and ``--dask`` for those who do this ``work``: ``usual`` processes (None: one a CPU)."""
+    """Options ``--workers`` and ``--dask`` for this ``work``; default: ``usual`` processes (None: one per CPU)."""
     who = parser.add_mutually_exclusive_group()
-    count = "one a CPU" if usual is None else usual
+    count = "one per CPU" if usual is None else usual
     who.add_argument("--workers", type=_count, metavar="N", help=f"processes that {work} at once (default: {count})")
     who.add_argument(
         "--dask",
@@ -94,7 +94,7 @@ def _count(text: str) -> int:
 
 
 def no_crew(options: argparse.Namespace, why: str) -> None:
-    """Refuse ``--workers`` and ``--dask`` where nothing is shared out. Raises InputError."""
+    """Refuse ``--workers`` and ``--dask`` where nothing runs in parallel. Raises InputError."""
     for option in ("workers", "dask"):
         if getattr(options, option) is not None:
             raise InputError(f"--{option}: {why}")
@@ -103,9 +103,9 @@ def no_crew(options: argparse.Namespace, why: str) -> None:
 def crew_of(
     options: argparse.Namespace, usual: int | None = None, by_value: Sequence[ModuleType] = ()
 ) -> AbstractContextManager[Crew]:
-    """Those whom ``--workers`` or ``--dask`` names, else ``usual`` processes (None: one a CPU). Raises InputError.
+    """The workers chosen by ``--workers`` or ``--dask``, else ``usual`` processes (None: one per CPU).
 
-    The workers of a cluster get the modules ``by_value`` with their tasks.
+    Modules ``by_value`` are sent to a cluster with the tasks. Raises InputError.
     """
     if options.dask is None:
         count = options.workers or usual

@@ -1,4 +1,4 @@
-"""Tables as pandas DataFrames, for who has pandas."""
+"""Tables as pandas DataFrames, where pandas is installed."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def data_frame(table: Mapping[str, Any] | Sequence[Mapping[str, Any]], instead: str) -> "DataFrame":
     """A table, given by columns or by rows, as a DataFrame.
 
-    Raises InputError where pandas is not installed, naming what has the same numbers ``instead``.
+    Raises InputError if pandas is not installed, naming what gives the same numbers ``instead``.
     """
     try:
         from pandas import DataFrame

@@ -2,4 +2,4 @@
 
 
 class InputError(ValueError):
-    """What was given can't be used. ``str(error)`` is one line: where, which value, what would be right."""
+    """Unusable input. ``str(error)`` is one line: where, which value, what would be right."""

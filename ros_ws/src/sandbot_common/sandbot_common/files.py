@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and text, YAML, JSON and CSV that are what they should be.
+"""Atomic writing of files, and checked reading of text, YAML, JSON and CSV.
 
 Every reader raises InputError in one line that names the file and what is wrong with it.
 """
@@ -25,9 +25,9 @@ from sandbot_common.errors import InputError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside ``path``; rename it onto ``path`` on success, remove it on any failure.
+    """Yield a temporary file next to ``path``; rename it onto ``path`` on success, remove it on any failure.
 
-    A link goes on leading to the file, which is replaced; what is no file (/dev/null, a pipe) is written into.
+    A symbolic link is kept and its target replaced; a device or pipe (/dev/null) is written to directly.
     """
     if _is_special(path):
         yield path
@@ -37,7 +37,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
     temporary = Path(name)
-    # mkstemp's 0600 is for secrets; a result is for colleagues.
+    # mkstemp's mode 0600 would hide a result from colleagues.
     umask = os.umask(0)
     os.umask(umask)
     temporary.chmod(0o666 & ~umask)
@@ -49,7 +49,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def _is_special(path: Path) -> bool:
-    """Whether there is something that takes what is written, and is no file: a rename would remove it."""
+    """Whether the path is a device or pipe, which a rename would replace."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
@@ -60,19 +60,19 @@ def write_text(path: Path, text: str) -> None:
 
 
 def sync(path: Path) -> None:
-    """Have a file, or the names in a folder, outlive a power cut."""
+    """Flush a file, or the names in a folder, to disk, so that they survive a power cut."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # of a folder: this file system keeps names in a way of its own
+        if error.errno != errno.EINVAL:  # this file system can't fsync a folder
             raise
     finally:
         os.close(handle)
 
 
 def check_output(path: Path) -> Path:
-    """``path``, if a file can be written there: told before minutes of work, not after. Raises InputError."""
+    """``path``, if a file can be written there: checked before minutes of work, not after. Raises InputError."""
     if path.is_dir():
         raise InputError(f"{path}: can't be written: it is a folder, a file is needed")
     if _is_special(path):
@@ -83,7 +83,7 @@ def check_output(path: Path) -> Path:
     if not above.is_dir():
         raise InputError(f"{path}: can't be written: {above} is not a folder")
     try:
-        # Tried: of a disk that is read-only, or of /proc, no permission tells.
+        # By trial: the permissions of a read-only disk or of /proc don't show it.
         with tempfile.TemporaryFile(dir=above):
             return path
     except OSError as error:
@@ -91,7 +91,7 @@ def check_output(path: Path) -> Path:
 
 
 def same_file(one: Path, other: Path) -> bool:
-    """Whether two names are those of one file, there or still to be written; a terminal or /dev/null is no file."""
+    """Whether two paths are the same file, existing or still to be written; a terminal or /dev/null is no file."""
     if one.exists() and other.exists():
         return one.is_file() and one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)
@@ -99,7 +99,7 @@ def same_file(one: Path, other: Path) -> bool:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """A disk that refuses ``path`` after all is bad input, too."""
+    """Turn an OSError while writing ``path`` into an InputError."""
     try:
         yield
     except OSError as error:
@@ -107,11 +107,11 @@ def writing(path: Path) -> Iterator[None]:
 
 
 ARCHIVE = b"PK\x03\x04"
-"""How a zip archive begins, which a workbook is."""
+"""First bytes of a zip archive, and so of a workbook."""
 
 
 def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
-    """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the line about a file that is missing."""
+    """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the error line for a missing file."""
     try:
         return _decoded(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
@@ -125,16 +125,16 @@ def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
 
 
 def _instead(error: UnicodeDecodeError, needed: str) -> str:
-    """What to do about a file that is no text."""
+    """What to do about a file that is not text."""
     if error.object.startswith(ARCHIVE):
         return f"{needed} is needed; of a spreadsheet (.xlsx, .ods) save the sheet as CSV"
-    # Text of an older encoding has letters beyond ASCII here and there, and no byte 0.
+    # Text in an older encoding has a few letters beyond ASCII, and no zero bytes.
     place = error.object.count(b"\n", 0, error.start) + 1
     return f"{needed} is needed" if b"\0" in error.object else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
 
 
 def _decoded(content: bytes) -> str:
-    """UTF-8, or UTF-16 by its mark: nearly any bytes are UTF-16, so without a letter of ASCII they are no text here."""
+    """Decode UTF-8, or UTF-16 with a byte order mark if it has an ASCII letter: nearly any bytes are valid UTF-16."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         text = content.decode("utf-16")
         if any(letter.isascii() and letter.isalpha() for letter in text):
@@ -143,19 +143,19 @@ def _decoded(content: bytes) -> str:
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """By libyaml where the wheel has it: ten times the speed of the Python loader. A key that is there twice is an
-    error, as YAML has it; of the two PyYAML takes the last without a word.
+    """Uses libyaml where available, which is ten times as fast as the Python loader. A duplicate key is an error, as
+    the YAML standard says; PyYAML silently takes the last.
     """
 
     def flatten_mapping(self, node: Any) -> None:
-        # Before what `<<` merges comes in, which a mapping's own keys may override; and so only once.
+        # Checked once, before `<<` merges in keys that the mapping's own may override.
         if not hasattr(node, "checked"):
             node.checked = True
-            _refuse_twice(key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+            _refuse_duplicates(key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         super().flatten_mapping(node)
 
 
-def _refuse_twice(keys: Iterable[yaml.ScalarNode]) -> None:
+def _refuse_duplicates(keys: Iterable[yaml.ScalarNode]) -> None:
     seen: set[tuple[str, str]] = set()
     for key in keys:
         if (key.tag, key.value) in seen:
@@ -164,30 +164,30 @@ def _refuse_twice(keys: Iterable[yaml.ScalarNode]) -> None:
 
 
 def load_yaml(text: str) -> Any:
-    """What a YAML text holds."""
+    """The content of a YAML text."""
     return yaml.load(text, Loader=_Loader)
 
 
 @lru_cache(maxsize=16)
 def shared_yaml(text: str) -> Any:
-    """``load_yaml`` of a text that many bags carry, read once; what it gives is not to be changed."""
+    """A cached ``load_yaml`` for a text that many bags carry; do not modify the result."""
     return load_yaml(text)
 
 
 def dump_yaml(content: Any) -> str:
-    """A YAML text in the order of the mapping's keys, by libyaml likewise."""
+    """YAML text in the order of the mapping's keys, by libyaml where available."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True))
 
 
 def parse_yaml(text: str, where: str, load: Callable[[str], Any] = load_yaml) -> Any:
-    """What a YAML text holds; ``where`` opens the error."""
+    """The content of a YAML text; ``where`` opens the error."""
     try:
         return load(text)
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        # PyYAML's own, where a scalar is not of the kind that its tag or form says: a month 13, !!int of nothing.
+        # Raised by PyYAML if a scalar does not match its tag or form: month 13, an empty !!int.
         raise InputError(f"{where}: not YAML: {type(error).__name__}: {' '.join(str(error).split())}") from None
 
 
@@ -200,7 +200,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def parse_json(text: str, where: str) -> Any:
-    """What a JSON text holds; ``where`` opens the error."""
+    """The content of a JSON text; ``where`` opens the error."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:  # the latter: nested too deep
@@ -208,19 +208,19 @@ def parse_json(text: str, where: str) -> Any:
 
 
 def read_json(path: Path, remedy: str = "") -> Any:
-    """What a JSON file holds; ``remedy`` as in ``read_text``."""
+    """The content of a JSON file; ``remedy`` as in ``read_text``."""
     return parse_json(read_text(path, "a JSON file", remedy), str(path))
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON to ``path``, whole or not at all. Raises InputError where it can't be written."""
+    """Write JSON to ``path``, whole or not at all. Raises InputError if it can't be written."""
     with writing(path):
         write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def append_line(path: Path, content: object) -> None:
-    """Append ``content`` as one line of JSON. Raises InputError where it can't be written."""
-    # Half a character, which JSON may hold and UTF-8 may not, is written as JSON escapes it.
+    """Append ``content`` as one line of JSON. Raises InputError if it can't be written."""
+    # A lone surrogate, which JSON may hold but UTF-8 may not, is written as its JSON escape.
     with writing(path), path.open("a", encoding="utf-8", errors="backslashreplace") as file:
         file.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
 
@@ -228,12 +228,12 @@ def append_line(path: Path, content: object) -> None:
 def read_csv(
     path: Path, needed: str = "a CSV file", matters: Callable[[str], bool] = bool
 ) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
-    """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
+    """Column names of a CSV file, and its rows: (number in the file, text by column), stripped, without empty rows.
 
-    Tabs or semicolons may stand for the commas, or what a first line such as ``sep=;`` names, or spaces in a table that
-    has nothing else, and then a comma in a number for its point. A title or lines with # may stand on top; the last of
-    these is the header where none follows; where it stands again, as files put behind each other have it, it is left
-    out. No column that ``matters`` may be there twice.
+    The separator may also be a tab, a semicolon, what a first line such as ``sep=;`` names, or spaces if nothing else
+    fits; with these, numbers may have a decimal comma. A title or comment lines (#) may come first; the last comment is
+    the header if no other follows. A repeated header, as in concatenated files, is skipped. Columns that ``matters``
+    selects must be unique.
     """
     text = read_text(path, needed)
     try:
@@ -257,7 +257,7 @@ _Rows = list[tuple[int, list[str]]]
 
 @dataclass(frozen=True)
 class _Table:
-    """A text as one separator splits it: its header, and the rows below with their numbers, empty ones left out."""
+    """A text split by one separator: its header, and the non-empty rows below with their numbers."""
 
     separator: str
     header: list[str]
@@ -265,8 +265,8 @@ class _Table:
 
     @property
     def fit(self) -> tuple[bool, bool, int, int]:
-        """The larger, the likelier this is the separator: rows as long as the header, names in it (no numbers, nothing
-        that was cut inside its quotes), few lines above it, many columns.
+        """The larger, the likelier this is the separator: rows as long as the header, a header of names (no numbers, no
+        split quotes), few lines above it, many columns.
         """
         width = len(self.header)
         even = width > 1 and {len(cells) for _, cells in self.rows} == {width}
@@ -275,16 +275,16 @@ class _Table:
         return even, names, -first, width
 
     @property
-    def is_one(self) -> bool:
+    def is_consistent(self) -> bool:
         """Whether its rows are as long as the header, and the header has names."""
         even, names, *_ = self.fit
         return even and names
 
 
 def _table(text: str) -> _Table:
-    """The table by the separator that the first line names, or that fits best. Raises csv.Error if none does."""
+    """The text split by the separator that its first line names, or that fits best. Raises csv.Error if none does."""
     if named := _SEP_LINE.match(text):
-        # An empty line in its place: the rows keep their numbers.
+        # The line's newline stays, so that the rows keep their numbers.
         return _split(text[named.end() :], named[1])
     found, errors = [], []
     for separator in [sign for sign in ",\t;" if sign in text] or [","]:
@@ -292,57 +292,58 @@ def _table(text: str) -> _Table:
             found.append(_split(text, separator))
         except csv.Error as error:
             errors.append(error)
-    if not any(table.is_one for table in found):
+    if not any(table.is_consistent for table in found):
         with suppress(csv.Error):
-            found += filter(lambda table: table.is_one, [_split(_spaced(text), " ")])
+            found += filter(lambda table: table.is_consistent, [_split(_single_spaced(text), " ")])
     if not found:
         raise errors[0]
     return max(found, key=lambda table: table.fit)
 
 
-def _spaced(text: str) -> str:
-    """One space between words, and none behind the # of a remark, which numpy puts there."""
+def _single_spaced(text: str) -> str:
+    """The text with one space between words, and none after the # of a comment, where numpy puts one."""
     lines = (" ".join(line.split()) for line in text.split("\n"))
     return "\n".join(re.sub("^#+ ", "#", line) for line in lines)
 
 
 def _split(text: str, separator: str) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
-    # The mark of its encoding stands inside where a file was put behind another.
+    # A byte order mark may occur inside concatenated files.
     lines = [[cell.strip().strip("\ufeff").strip() for cell in line] for line in reader]
     header, first = _header(lines)
     rows = [(at, cells) for at, cells in enumerate(lines[first:], start=first + 1) if any(cells) and cells != header]
-    # R numbers its rows, and names no column for that.
+    # R writes row numbers without a column name.
     if rows and [cells[: -len(header)] for _, cells in rows] == [[str(at + 1)] for at in range(len(rows))]:
         header = ["", *header]
     return _Table(separator, header, rows)
 
 
 def _header(lines: list[list[str]]) -> tuple[list[str], int]:
-    """The header, and which line is the first below it. Lines with a # in front, and a single cell above several, are
-    above the header; but where numbers follow at once, the last remark of as many cells is it, as numpy writes it.
+    """The header, and the index of the first line below it. Comment lines (#) and single cells above a wider table
+    precede the header; but if numbers follow directly, the last comment with as many cells is it, as numpy writes it.
     """
-    wide = any(sum(map(bool, line)) > 1 for line in lines if not _remark(line))
+    wide = any(sum(map(bool, line)) > 1 for line in lines if not _comment(line))
     for number, line in enumerate(lines):
-        if not any(line) or _remark(line) or (wide and sum(map(bool, line)) < 2):
+        if not any(line) or _comment(line) or (wide and sum(map(bool, line)) < 2):
             continue
         if any(map(NUMBER.fullmatch, line)):
-            for names in map(_remark, reversed(lines[:number])):
+            for names in map(_comment, reversed(lines[:number])):
                 if len(names) == len(line) and not any(map(NUMBER.fullmatch, names)):
                     return names, number
         return line, number + 1
     return [], len(lines)
 
 
-def _remark(line: list[str]) -> list[str]:
-    """The cells of a line with a # in front, without it; none of another line."""
+def _comment(line: list[str]) -> list[str]:
+    """The cells of a comment line without its #; empty for any other line."""
     return [line[0].lstrip("# \t"), *line[1:]] if line and line[0].startswith("#") else []
 
 
 def _with_points(path: Path, header: list[str], rows: _Rows) -> _Rows:
-    """The rows with a point for the comma in numbers. Raises InputError if there are numbers with a point, too: one of
-    the signs would stand between thousands, and nobody could tell which; nor can they where the one sign there is
-    stands nowhere but as between thousands. Columns with words in them do not count.
+    """The rows with decimal points instead of decimal commas. Columns with words in them are ignored.
+
+    Raises InputError if it is unclear which sign is decimal: if numbers have both commas and points, or if the only
+    sign appears exclusively where it may separate thousands.
     """
     words = {place for _, cells in rows for place, cell in enumerate(cells) if not _NUMBER_OR_NONE.fullmatch(cell)}
     places: dict[str, str] = {}

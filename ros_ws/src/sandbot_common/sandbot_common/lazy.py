@@ -1,4 +1,4 @@
-"""A package's public names, each imported when it is first asked for: importing the package costs nothing (PEP 562)."""
+"""A package's public names, each imported on first access, so that importing the package is cheap (PEP 562)."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -6,9 +6,9 @@ from typing import Any
 
 
 def door(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """``__getattr__`` and ``__dir__`` of ``package``; ``homes`` says in which module each name lives.
+    """``__getattr__`` and ``__dir__`` of ``package``; ``homes`` maps each name to the module that defines it.
 
-    ".module" is one of the package's own; "module:name" where the module has another name for it.
+    ".module" is one of the package's own; "module:name" if the module calls it by another name.
     """
 
     def get(name: str) -> Any:

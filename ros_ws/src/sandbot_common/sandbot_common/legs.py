@@ -1,4 +1,4 @@
-"""Legs: where they sit on their shafts (as robot.yaml says and /trial passes on), and how fast they may turn."""
+"""Legs: how they are mounted on their shafts (robot.yaml, copied to /trial), and how fast they may turn."""
 
 import math
 from collections.abc import Mapping
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 
 FASTEST_RAD_S = 1000.0
-"""Several times what legs turn at in the swing of the fastest gait; beyond it the ground's state means nothing."""
+"""Several times the leg rate in the swing of the fastest gait; beyond it the state of the ground is meaningless."""
 
 
 def leg_mount_rad(said: Mapping[str, object], where: str) -> float:
-    """What must be added to shaft angles to give those of the c-legs' centres [rad]; 0 where nothing is said of it.
+    """The offset from shaft angles to those of the c-legs' centres [rad]; 0 if not given.
 
-    Raises InputError, naming ``where``, if it is no angle.
+    Raises InputError, naming ``where``, if it is not an angle.
     """
     value = said.get("leg_mount_rad", 0.0)
     if not isinstance(value, int | float) or not math.isfinite(value):
@@ -24,9 +24,9 @@ def leg_mount_rad(said: Mapping[str, object], where: str) -> float:
 
 
 def check_turning(t_s: NDArray[np.float64], angles: NDArray[np.float64], rates: NDArray[np.float64]) -> None:
-    """Raise InputError where a leg would turn as fast as none does: times (n,), angles (n, legs), rates of any shape.
+    """Raise InputError if a leg would turn impossibly fast: times (n,), angles (n, legs), rates of any shape.
 
-    Angles that are NaN tell nothing of how fast: before the first set-point, say.
+    NaN angles, as before the first set-point, are ignored.
     """
     turning = np.diff(angles, axis=0) / np.diff(t_s)[:, None]
     fastest = np.fmax.reduce(np.abs(np.concatenate([rates.ravel(), turning.ravel()])))

@@ -1,4 +1,4 @@
-"""numpy to standard ROS messages and back. The message classes are plain Python: nothing here starts ROS."""
+"""Conversion between numpy and standard ROS messages. The message classes are plain Python: ROS is not started."""
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -89,7 +89,7 @@ def image(t_ns: int, frame_id: str, pixels: NDArray[np.uint8]) -> Image:
     """A mono8 image from pixels of shape (height, width)."""
     height, width = pixels.shape
     message = Image(header=header(t_ns, frame_id), height=height, width=width, encoding="mono8", step=width)
-    # The setter would check every byte of a bytes object; an array('B') is taken as it is.
+    # The setter would check every byte of a bytes object, but takes an array('B') unchecked.
     message.data.frombytes(pixels.tobytes())
     return message
 

@@ -1,4 +1,4 @@
-"""The nodes on this host as processes: whether they live, and for how long the machine kept them from the CPU."""
+"""The nodes on this host as processes: whether they are alive, and how long they have waited for a CPU."""
 
 import math
 from collections.abc import Mapping
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from sandbot_common.process import Neighbour
 
 LOOK_S = 0.02
-"""How often the system is asked."""
+"""How often the operating system is queried."""
 
 
 @dataclass
 class Neighbours:
-    """Who is known to run on this host. ``faults``: of those that do not run any more, by name, what became of them."""
+    """Nodes known to run on this host. ``faults``: by name, what happened to those that no longer run."""
 
     faults: Mapping[str, str] = field(default_factory=dict)
     _known: dict[str, Neighbour] = field(default_factory=dict)
@@ -25,37 +25,37 @@ class Neighbours:
         return who in self._known
 
     def meet(self, who: str, process: str) -> bool:
-        """A node has told which process it is (``process.own_name``); on another host it is left to its beats.
+        """A node has named its process (``process.own_name``); one on another host is judged by its heartbeats alone.
 
-        False where it is a second one of its name: it is about to be refused, and what it says of itself is not meant.
+        False if it is a second node of this name: it is about to be refused, so its diagnostics do not count.
         """
         known = self._known.get(who)
         if known is not None and not known.fault:
             return process in ("", self._names[who])
-        if (one := Neighbour.of(process)) is not None:
-            self._known[who], self._names[who], self._starved_s[who] = one, process, one.starved_s
+        if (neighbour := Neighbour.of(process)) is not None:
+            self._known[who], self._names[who], self._starved_s[who] = neighbour, process, neighbour.starved_s
         return True
 
     def forget(self, who: str) -> None:
-        """He has ended as he should; the next of that name is another."""
+        """The node has ended as intended; the next one of that name is another process."""
         self._known.pop(who, None)
         self.faults = {name: fault for name, fault in self.faults.items() if name != who}
 
     def fault_of(self, who: str, now_s: float) -> str:
-        """What has become of one of them. Of him alone the system is asked, for a clock wants to know at every step."""
-        if (one := self._known.get(who)) is None:
+        """What happened to one node. Only this one is queried, as a clock checks at every step."""
+        if (neighbour := self._known.get(who)) is None:
             return ""
         asked, asked_s, fault = self._asked.get(who, (None, -math.inf, ""))
-        if asked is not one or now_s - asked_s >= LOOK_S:
-            fault = one.fault
-            self._asked[who] = one, now_s, fault
+        if asked is not neighbour or now_s - asked_s >= LOOK_S:
+            fault = neighbour.fault
+            self._asked[who] = neighbour, now_s, fault
         return fault
 
     def look(self, now_s: float) -> Mapping[str, float]:
-        """Ask the system, if it is time to; by name, for how long each waited for a CPU since it was asked last [s]."""
+        """Query the system if due; by name, how long each node has waited for a CPU since the last query [s]."""
         if now_s - self._looked_s < LOOK_S:
             return {}
         self._looked_s = now_s
-        self.faults = {who: fault for who, one in self._known.items() if (fault := one.fault)}
-        before, self._starved_s = self._starved_s, {who: one.starved_s for who, one in self._known.items()}
+        self.faults = {who: fault for who, neighbour in self._known.items() if (fault := neighbour.fault)}
+        before, self._starved_s = self._starved_s, {who: known.starved_s for who, known in self._known.items()}
         return {who: max(total_s - before[who], 0.0) for who, total_s in self._starved_s.items()}

@@ -1,4 +1,4 @@
-"""How every node starts, takes its parameters, tells its health and stops."""
+"""How every node starts, reads its parameters, reports its health and stops."""
 
 import math
 import os
@@ -30,7 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
-from sandbot_common.dead_ports import number_of_its_own
+from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
@@ -40,31 +40,30 @@ from sandbot_common.timer import Timer, end_timers
 T = TypeVar("T")
 
 LAST_WORDS_S = 0.5
-"""How long a node that ends stays for what it said last to be sent, which another thread does. Those who listen may
-acknowledge it seconds later, with the next heartbeat: that is not waited for."""
+"""How long an ending node waits for another thread to send its last messages. Their readers may acknowledge them
+seconds later, with the next DDS heartbeat, which is not waited for."""
 ASK_AGAIN_S = 2.0
 SETTLE_S = 0.5
-"""So long after its first turn a node has heard of an older one of its name: health is told five times a second."""
+"""This long after its first turn a node has heard any older one of its name: health is sent five times a second."""
 BEAT_S = 0.05
-"""A process that lives says so that often (/heartbeat)."""
+"""Period of a process's /heartbeat."""
 END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
 """Environment variable, set to 1 by a launch: its nodes end when it is gone, even killed."""
 _BEAT_PRIORITY = 5
 _SINCE = "since_ns"
 AIR_STOPS = "air_stops"
-"""Key of /diagnostics: how often whoever drives the blower has turned the air off himself, against his orders."""
+"""Key of /diagnostics: how often the blower's driver has turned the air off by itself, against its orders."""
 PROCESS = "process"
-"""Key of /diagnostics: which process a node is, for those on its host (``process.Neighbour``)."""
+"""Key of /diagnostics: which process a node is, for nodes on the same host (``process.Neighbour``)."""
 NAMELESS = "_NODE_NAME_UNKNOWN_"
-"""What ROS calls the node of an endpoint that it knows no more of, or not yet. Who lives renews under his own name."""
+"""ROS's name for the node of an endpoint it no longer knows, or not yet. A live commander renews under its own name."""
 _LOOK_S = 0.05
-"""How soon a node that idles sees that it is to end."""
+"""How soon an idle node sees that it is to end."""
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 def qos(topic: topics.Topic, *, best_effort: bool = False, depth: int | None = None) -> QoSProfile:
-    """The delivery of a topic: reliable unless ``best_effort``, transient local where latched, its own depth if none is
-    given."""
+    """The QoS of a topic: reliable unless ``best_effort``, transient local if latched, the topic's depth by default."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     reliability = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
     return QoSProfile(depth=depth or topic.depth, reliability=reliability, durability=durability)
@@ -74,7 +73,7 @@ def publisher(node: Node, topic: topics.Topic) -> Publisher:
     """A publisher on a trackway topic; it offers the topic's deadline, which its subscriptions need not ask for."""
     offered = qos(topic)
     if math.isfinite(topic.deadline_s):
-        # By hand: alive is who commands, not who has a process.
+        # Manual: a publisher counts as alive while it commands, not while its process exists.
         offered.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
         offered.deadline = offered.liveliness_lease_duration = Duration(seconds=topic.deadline_s)
     return node.create_publisher(messages.message_class(topic.type), topic.relative, offered)
@@ -89,16 +88,16 @@ def subscription(
     best_effort: bool = False,
     depth: int | None = None,
 ) -> Subscription:
-    """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback.
+    """A subscription on a trackway topic; ``raw`` passes the serialized bytes to the callback.
 
-    ``best_effort`` hears publishers of either reliability, but what is lost on the way is not sent again.
+    ``best_effort`` matches publishers of either reliability, but lost messages are not sent again.
     """
     delivery = qos(topic, best_effort=best_effort, depth=depth)
     return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
 
 
 def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
-    """One turn of a node's loop; raises once what a ``Timer`` of its own raised: who ends something turns on."""
+    """One turn of a node's loop; raises, once, what one of its ``Timer`` callbacks raised, so cleanup can spin on."""
     executor.spin_once(timeout_sec=timeout_s)
     if (error := getattr(node, "failed", None)) is not None:
         node.failed = None
@@ -118,12 +117,12 @@ def ask(
     patience_s: float,
     begun: Callable[[], bool] = lambda: False,
 ) -> Any:
-    """The answer of a service, asked for again every two seconds; None if there is none within ``patience_s``.
+    """The response of a service, requested again every two seconds; None if there is none within ``patience_s``.
 
-    A server may hear a new client before it knows where to answer; rmw_fastrtps gives the answer up after 0.1 s then
-    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice,
-    or ``begun`` tell that it was obeyed: it is not given again then, for somebody may have ended since what it began.
-    ``wait(condition, timeout_s)`` spins until the condition holds, and says whether it does.
+    A server may receive a new client's request before it knows where to respond; rmw_fastrtps then drops the response
+    after 0.1 s ("client will not receive response"). The request was executed all the same, so it must be idempotent,
+    or ``begun`` must tell that it was executed: then it is not repeated, as somebody may since have ended what it
+    began. ``wait(condition, timeout_s)`` spins until the condition holds, and returns whether it does.
     """
     asked: list[Any] = []
 
@@ -140,7 +139,7 @@ def ask(
 
 
 def fixed(why: str) -> Callable[[object], None]:
-    """For ``Parameters``: refuses every change, saying ``why``."""
+    """For ``Parameters``: a callback that refuses every change, saying ``why``."""
 
     def refuse(_: object) -> None:
         raise InputError(why)
@@ -151,7 +150,7 @@ def fixed(why: str) -> Callable[[object], None]:
 class Parameters(Generic[T]):
     """ROS parameters declared from a parameter dataclass; ``current`` is always a valid instance.
 
-    A change that does not fit is refused with the reason; one that does calls ``on_change`` with the new instance.
+    An invalid change is refused with the reason; a valid one calls ``on_change`` with the new instance.
     """
 
     def __init__(self, node: Node, cls: type[T], on_change: Callable[[T], None] | None = None) -> None:
@@ -189,16 +188,16 @@ class Parameters(Generic[T]):
 def names_of(endpoints: Sequence[Any]) -> list[str]:
     """The names of the nodes behind publishers or subscriptions, each once.
 
-    Of two nodes of one name one has been killed, and DDS forgets it after 20 s, or is about to be refused (``Health``).
+    Of two nodes of one name, one was killed (DDS forgets it after 20 s) or is about to be refused (``Health``).
     """
     return sorted({str(endpoint.node_name) for endpoint in endpoints})
 
 
 class Health:
-    """Publishes a node's key figures on /diagnostics five times a second: its sign of life, too.
+    """Publishes a node's key figures on /diagnostics five times a second, which is also its sign of life.
 
-    ``sole``: of several nodes of its name only the one that lives longest stays (``refused`` tells the younger ones
-    why they must go, and ``run`` ends them): a second clock or bed would command the same legs and the same air.
+    ``sole``: of several nodes of its name only the oldest stays (``refused`` tells the younger ones why they must end,
+    and ``run`` ends them): a second clock or bed would command the same legs and the same air.
     """
 
     def __init__(
@@ -208,53 +207,53 @@ class Health:
         self.level, self.text = 0, "ok"
         self.refused = ""
         self.ended = ""
-        """Why the node ends: its last word, whatever its figures say of themselves."""
+        """Why the node ends: reported in its last message instead of its level and text."""
         self._since_ns, self._process = time.time_ns(), own_name()
         self._turned_s = math.inf
         self._publisher = publisher(node, topics.DIAGNOSTICS)
         Timer(node, period_s, self.publish)
         node.health = self
         if sole:
-            subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
+            subscription(node, topics.DIAGNOSTICS, self._check_for_older)
 
     @property
     def settled(self) -> bool:
-        """Whether no older one of its name is there: a ``sole`` node says nothing before that, in the other's name."""
+        """Whether it had time to find an older node of its name, and found none; a ``sole`` node is silent before."""
         return not self.refused and time.monotonic() - self._turned_s >= SETTLE_S
 
     def publish(self) -> None:
         """Publish now."""
         self._turned_s = min(self._turned_s, time.monotonic())
-        self._tell(self._values())
+        self._publish(self._values())
 
-    def say_end(self, why: str) -> None:
-        """Tell that the node ends, without its figures: from any thread, whatever the node's own is busy with."""
+    def announce_end(self, why: str) -> None:
+        """Report that the node ends, without its figures: from any thread, even while the node's own is busy."""
         self.ended = why
-        self._tell({})
+        self._publish({})
 
-    def _tell(self, figures: Mapping[str, object]) -> None:
-        # After the figures: some nodes set level and text from them.
+    def _publish(self, figures: Mapping[str, object]) -> None:
+        # Read after the figures are computed, as some nodes then set level and text.
         level, text = (2, f"ended: {self.ended}") if self.ended else (self.level, self.text)
         values = {**figures, _SINCE: self._since_ns, PROCESS: self._process}
         now_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(messages.diagnostics(now_ns, self._node.get_name(), values, level=level, text=text))
 
-    def _look_for_a_rival(self, message: DiagnosticArray) -> None:
+    def _check_for_older(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = messages.values_of(status)
-            if status.name == self._node.get_name() and self._is_older(values) and self._is_told_by_a_namesake():
+            if status.name == self._node.get_name() and self._is_older(values) and self._has_namesake():
                 self.refused = f"another {status.name} is running already; one commander at a time, end it first"
 
-    def _is_told_by_a_namesake(self) -> bool:
-        """Whether another node of this name publishes: what a bag said of one that was is told by ``replay``."""
+    def _has_namesake(self) -> bool:
+        """Whether another node of this name publishes; otherwise the message is from a bag that ``replay`` plays."""
         found = self._node.get_publishers_info_by_topic(topics.DIAGNOSTICS.relative)
-        return sum(one.node_name == self._node.get_name() for one in found) > 1
+        return sum(endpoint.node_name == self._node.get_name() for endpoint in found) > 1
 
     def _is_older(self, values: Mapping[str, str]) -> bool:
-        """Whether another of this name lives longer. Processes are named by host, number and start (``own_name``)."""
+        """Whether the sender is older than this node. Processes are named by host, PID and start (``own_name``)."""
         ours, theirs = self._process.split(), values.get(PROCESS, "").split()
         if len(ours) == len(theirs) == 3 and ours[0] == theirs[0] and ours[2] != theirs[2]:
-            # One host: since its boot, whatever its clock has been set to meanwhile.
+            # Same host: start times count from its boot, so setting the system clock does not change them.
             return int(theirs[2]) < int(ours[2])
         since = values.get(_SINCE, "")
         return since.isdigit() and int(since) < self._since_ns
@@ -263,7 +262,7 @@ class Health:
 def use_shared_memory(*, frames: bool) -> None:
     """Have Fast DDS use fastdds.xml, or with ``frames`` fastdds_frames.xml, before ``rclpy.init``.
 
-    A profile of the user's own is left as it is.
+    A profile chosen by the user takes precedence.
     """
     if not any(name in os.environ for name in _PROFILES):
         os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds_frames.xml" if frames else "fastdds.xml"))
@@ -271,13 +270,13 @@ def use_shared_memory(*, frames: bool) -> None:
 
 def start_ros(argv: Sequence[str]) -> None:
     """``rclpy.init`` without its signal handlers. Raises InputError for arguments that ROS can't read."""
-    rclpy.logging.set_logger_level("rcl", LoggingSeverity.FATAL)  # it would add a line that says nothing
+    rclpy.logging.set_logger_level("rcl", LoggingSeverity.FATAL)  # it would add an uninformative line
     try:
         rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
     except _rclpy.UnknownROSArgsError as error:
         raise InputError(f"--ros-args: ROS knows no {error}") from None
     except _rclpy.RCLError as error:
-        # Without the places in ROS's own source.
+        # Without locations in ROS's own source code.
         reason = re.sub(r",? at /\S+:\d+", "", str(error)).removeprefix("failed to initialize rcl: ")
         remedy = "; ROS_LOG_DIR can name a folder that you may write to" if "log" in reason else ""
         raise InputError(f"ROS does not start: {reason}{remedy}") from None
@@ -294,7 +293,7 @@ def run(
 ) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run.
 
-    ``frames``: whether the node publishes camera frames, which takes more shared memory.
+    ``frames``: whether the node publishes camera frames, which need more shared memory.
     """
 
     def command(arguments: Sequence[str]) -> int:
@@ -305,7 +304,7 @@ def run(
             start_ros([sys.argv[0], *arguments])
             node: Node | None = None
             try:
-                with number_of_its_own(rclpy.get_default_context().get_domain_id()):
+                with fresh_participant_number(rclpy.get_default_context().get_domain_id()):
                     node = make()
                 with _beating(node, stop) as turn:
                     _spin(node, stop, turn)
@@ -319,7 +318,7 @@ def run(
                     stop.say(node.get_name())
                     if stop.asked and isinstance(health, Health):
                         health.publish()
-                    _let_all_hear(node)
+                    _await_last_messages(node)
                     end_timers(node)
                     node.destroy_node()
                 rclpy.try_shutdown()
@@ -330,10 +329,10 @@ def run(
 
 @contextmanager
 def _beating(node: Node, stop: "Stop") -> Iterator[Callable[[], None]]:
-    """Publish /heartbeat from a thread: a process that is dead or frozen falls silent, one that is busy does not.
+    """Publish /heartbeat from a thread: a dead or frozen process falls silent, a busy one does not.
 
-    Yields what the node's loop is to call at each turn: the beats tell when it last did. That the node has been asked
-    to end is told from here, too: on a busy machine its loop may take a second to come round.
+    Yields what the node's loop must call at each turn; the heartbeats carry the time of the last call. A request to end
+    is announced from this thread, too: on a busy machine the loop may take a second to notice it.
     """
     topic = topics.HEARTBEAT
     outlet = node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic, best_effort=True))
@@ -345,12 +344,12 @@ def _beating(node: Node, stop: "Stop") -> Iterator[Callable[[], None]]:
 
     def beat() -> None:
         ask_for_real_time(_BEAT_PRIORITY)
-        health, told = getattr(node, "health", None), False
+        health, announced = getattr(node, "health", None), False
         while not ending.wait(BEAT_S):
             outlet.publish(messages.header(turned_ns, node.get_name()))
-            if stop.asked and not told and isinstance(health, Health):
-                told = True
-                health.say_end(stop.why)
+            if stop.asked and not announced and isinstance(health, Health):
+                announced = True
+                health.announce_end(stop.why)
 
     thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
     thread.start()
@@ -362,10 +361,10 @@ def _beating(node: Node, stop: "Stop") -> Iterator[Callable[[], None]]:
         node.destroy_publisher(outlet)
 
 
-def _let_all_hear(node: Node) -> None:
-    """Stay until the last words, "air off" above all, have had time to go: a publisher destroyed takes them along.
+def _await_last_messages(node: Node) -> None:
+    """Wait until the last messages, above all "air off", are sent: a destroyed publisher discards them.
 
-    Under load 4 of 25 nodes ended without their last message; with this none of 25.
+    Under load, 4 of 25 nodes ended without their last message; with this wait, none of 25.
     """
     end = time.monotonic() + LAST_WORDS_S
     for publisher in node.publishers:
@@ -374,8 +373,8 @@ def _let_all_hear(node: Node) -> None:
 
 
 def _spin(node: Node, stop: "Stop", turn: Callable[[], None]) -> None:
-    # Measured in these wheels: about twice the message rate of the default executor. Not its spin(), which leaves no
-    # room for Python's signal handlers and never returns from ROS's.
+    # Measured with these wheels: about twice the message rate of the default executor. Its spin() is avoided, as it
+    # never runs Python's signal handlers and does not return on ROS's.
     executor = EventsExecutor()
     executor.add_node(node)
     parent = os.getppid() if os.environ.get(END_WITH_PARENT) == "1" else None
@@ -401,11 +400,11 @@ class Stop:
         return bool(self.why)
 
     def ask(self, why: str) -> None:
-        """End soon. A plain attribute, no Event: a signal handler may not wait for a lock its own thread holds."""
+        """Request the end. A plain attribute, not an Event: a signal handler must not wait for a lock of its thread."""
         self.why = self.why or why
 
     def say(self, name: str) -> None:
-        """One line about a signal, where there is still somebody to read it: a closed terminal takes no more words."""
+        """Print one line about the reason, unless the terminal has been closed."""
         if self.why:
             with suppress(OSError):
                 print(f"{name}: ended: {self.why}", file=sys.stderr, flush=True)
@@ -413,13 +412,13 @@ class Stop:
 
 @contextmanager
 def stop_signals() -> Iterator[Stop]:
-    """Ctrl-C, kill and a closed terminal ask for an end in order; where we are not the main thread nobody can."""
+    """Ctrl-C, kill and a closed terminal request an orderly end; no effect outside the main thread."""
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {one: signal.signal(one, lambda number, _: stop.ask(signal.Signals(number).name)) for one in numbers}
+    before = {each: signal.signal(each, lambda number, _: stop.ask(signal.Signals(number).name)) for each in numbers}
     try:
         yield stop
     finally:
@@ -434,13 +433,13 @@ def _refuse_unknown(node: Node, where: str) -> None:
 
 
 def refuse_parameters(node: Node) -> None:
-    """Raise InputError where a node that begins by options of its own was given a parameter; before it declares any."""
+    """Raise InputError if a node configured by options was given a parameter; call before it declares any."""
     for name in _undeclared(node):
         raise cli.no_parameter(name, node.get_name())
 
 
 def _undeclared(node: Node) -> list[str]:
-    # ROS drops a misspelt -p without a word.
+    # ROS silently ignores a misspelt -p.
     given = node._parameter_overrides
     return [name for name in given if not node.has_parameter(name) and not name.startswith(cli.OF_EVERY_NODE)]
 

@@ -1,11 +1,11 @@
-"""Parameters once: a frozen dataclass whose fields carry unit, bounds and meaning.
+"""Parameters declared once: a frozen dataclass whose fields carry unit, bounds and meaning.
 
     @dataclass(frozen=True)
     class Gait:
         theta_s_rad: float = parameter(1.1, unit="rad", doc="span of the slow phase", low=0.0, high=6.28)
 
-``from_mapping`` builds one from YAML and refuses what does not fit; sandbot_common.node declares the same
-fields as ROS parameters.
+``from_mapping`` builds one from YAML and refuses invalid values; sandbot_common.node declares the same fields as ROS
+parameters.
 """
 
 import dataclasses
@@ -22,12 +22,12 @@ from sandbot_common.suggest import did_you_mean
 T = TypeVar("T")
 _KEY = "sandbot"
 LARGEST = sys.float_info.max
-"""Of integers, too: a larger one has no float."""
+"""The bound for integers, too: a larger one can't be converted to float."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Spec:
-    """What is known of one parameter beside its value."""
+    """Everything about one parameter except its value."""
 
     name: str
     type: type
@@ -72,7 +72,7 @@ def specs(cls: type) -> tuple[Spec, ...]:
 
 
 def usage(program: str, about: str, cls: type) -> str:
-    """What ``--help`` of a node says: its command line, what it does, its parameters with range and default."""
+    """The ``--help`` text of a node: its command line, what it does, its parameters with range and default."""
     lines = [f"usage: {program} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE.yaml]]", "", about.strip(), ""]
     default = cls()
     for spec in specs(cls):
@@ -99,7 +99,7 @@ def from_mapping(cls: type[T], mapping: Any, where: str) -> T:
 
 
 def given(cls: type, mapping: Any, where: str) -> dict[str, Any]:
-    """The values of a mapping that may leave any out, checked as ``from_mapping`` does. Raises InputError."""
+    """The values of a mapping in which any may be missing, checked as in ``from_mapping``. Raises InputError."""
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where}: expected a mapping of parameters, got {mapping!r}")
     known = {spec.name: spec for spec in specs(cls)}

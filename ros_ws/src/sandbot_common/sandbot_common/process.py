@@ -1,4 +1,4 @@
-"""Which process a node is, and what the system says of it: on one host nobody need be guessed dead from his silence."""
+"""Which process a node is, and its state: on the same host a node's death is observed, not inferred from silence."""
 
 import ctypes
 import os
@@ -9,17 +9,17 @@ from pathlib import Path
 
 _PROC = Path("/proc")
 _STATE, _START = 0, 19
-"""Places in /proc/PID/stat after the command's name (proc(5), fields 3 and 22)."""
+"""Indices into /proc/PID/stat after the command's name (proc(5), fields 3 and 22)."""
 _FROZEN, _ENDED = ("T", "t"), ("Z", "X", "x")
 _RESENDING = "dds.asyn"
-"""How Fast DDS names the thread that sends again what a reader has missed."""
+"""Name of the Fast DDS thread that resends what a reader has missed."""
 _MIB = 1 << 20
 _KEPT = {-1: 256 * _MIB, -2: 16 * _MIB, -3: 32 * _MIB}
 """M_TRIM_THRESHOLD, M_TOP_PAD and M_MMAP_THRESHOLD of malloc.h [bytes]."""
 
 
 def keep_memory() -> None:
-    """Have glibc keep what is freed: fetching and giving back memory for each frame was half of a reader's CPU."""
+    """Have glibc keep freed memory: allocating and returning it for each frame took half of a reader's CPU time."""
     with suppress(OSError, AttributeError):
         mallopt = ctypes.CDLL(None).mallopt
         for parameter, size in _KEPT.items():
@@ -27,15 +27,15 @@ def keep_memory() -> None:
 
 
 def own_name() -> str:
-    """This process's name, as others are told it: host, number and start; empty where there is no /proc."""
+    """This process's identity, as sent to other nodes: host, PID and start time; empty without /proc."""
     pid = os.getpid()
     stat = _stat(pid)
-    # The start, too: numbers are used again.
+    # With the start time, as PIDs are reused.
     return f"{_host()} {pid} {stat[_START]}" if stat else ""
 
 
 def ask_for_real_time(priority: int) -> bool:
-    """Real-time priority for the calling thread and those it starts, which mostly sleep; False where not permitted."""
+    """Real-time priority for the calling thread and those it starts, which mostly sleep; False if not permitted."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError):
@@ -46,12 +46,12 @@ def ask_for_real_time(priority: int) -> bool:
 def real_time_while(needed: bool, priority: int) -> None:
     """While ``needed``, give all ordinary threads of this process real-time priority; otherwise take it back.
 
-    Not the one that sends again: frames sent with priority to a reader that gets no CPU keep it from getting any.
+    The resending thread is excluded: resending frames at this priority to a reader that gets no CPU would starve it.
     """
     before, after = ((os.SCHED_OTHER, 0), (os.SCHED_FIFO, priority))[:: 1 if needed else -1]
     for task in (_PROC / "self/task").glob("*"):
         thread = int(task.name)
-        with suppress(AttributeError, OSError):  # a thread may end meanwhile, or none may have it
+        with suppress(AttributeError, OSError):  # the thread has ended, or real time is not permitted
             if (task / "comm").read_text().startswith(_RESENDING):
                 continue
             if (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) == before:
@@ -59,18 +59,18 @@ def real_time_while(needed: bool, priority: int) -> None:
 
 
 def ordinary() -> AbstractContextManager[None]:
-    """No real-time priority while in here, for the calling thread."""
+    """Context without real-time priority for the calling thread."""
     return _scheduled(lambda: os.SCHED_OTHER, 0)
 
 
 def real_time(priority: int, *, inherited: bool = False) -> AbstractContextManager[None]:
-    """Real-time priority while in here, for the calling thread; what it starts has none, unless ``inherited``."""
+    """Context with real-time priority for the calling thread; threads it starts have none, unless ``inherited``."""
     return _scheduled(lambda: os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, priority)
 
 
 @contextmanager
 def _scheduled(policy: Callable[[], int], priority: int) -> Iterator[None]:
-    """Another priority of the calling thread while in here, where the system knows such and grants it."""
+    """Context with another priority for the calling thread, where the system supports and permits it."""
     try:
         before = os.sched_getscheduler(0), os.sched_getparam(0)
         os.sched_setscheduler(0, policy(), os.sched_param(priority))
@@ -92,7 +92,7 @@ class Neighbour:
 
     @classmethod
     def of(cls, name: str) -> "Neighbour | None":
-        """The living process of that ``own_name``; None where it is on another host, or can't be looked at."""
+        """The live process with that ``own_name``; None if it is gone, on another host, or not accessible."""
         host, _, rest = name.partition(" ")
         pid, _, start = rest.partition(" ")
         if host != _host() or not pid.isdigit():
@@ -102,7 +102,7 @@ class Neighbour:
 
     @property
     def fault(self) -> str:
-        """What has become of it; an empty string while it lives, however busy it is."""
+        """What happened to it; an empty string while it is alive, however busy."""
         stat = _stat(self.pid)
         if not stat or stat[_START] != self.start or stat[_STATE] in _ENDED:
             return "is gone"
@@ -110,13 +110,13 @@ class Neighbour:
 
     @property
     def starved_s(self) -> float:
-        """For how long so far its main thread was ready to run and got no CPU; 0 where the system does not tell."""
-        told = _read(f"{_PROC}/{self.pid}/schedstat").split()
-        return int(told[1]) * 1e-9 if len(told) > 1 else 0.0
+        """Total time its main thread was ready to run but got no CPU; 0 if the system does not report it."""
+        fields = _read(f"{_PROC}/{self.pid}/schedstat").split()
+        return int(fields[1]) * 1e-9 if len(fields) > 1 else 0.0
 
 
 def _host() -> str:
-    """This boot of the host and the PID namespace: containers may share the one and not the other."""
+    """The host's boot and PID namespace: containers may share the former but not the latter."""
     try:
         boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
         return f"{boot}/{(_PROC / 'self/ns/pid').stat().st_ino}"
@@ -129,7 +129,7 @@ def _stat(pid: int) -> list[str]:
 
 
 def _read(path: str) -> str:
-    """A file of /proc; empty where there is none. By hand: a campaign looks 300 times a second."""
+    """The text of a /proc file; empty if there is none. Low-level for speed: a campaign reads 300 a second."""
     try:
         file = os.open(path, os.O_RDONLY)
     except OSError:

@@ -1,4 +1,4 @@
-"""The robot in numbers: declared once, read once (``robot.yaml``), the same for lab, tracking and analysis."""
+"""The robot's dimensions: declared once, read once (``robot.yaml``), the same for lab, tracking and analysis."""
 
 import dataclasses
 import math
@@ -21,7 +21,7 @@ MAX_TRIPOD = 4
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot on c-legs in two tripods; SandBot (Li09) by default. Numbers that don't go together: InputError."""
+    """A robot on c-legs in two tripods; SandBot (Li09) by default. Raises InputError for inconsistent values."""
 
     leg_radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.005, high=0.5)
     axle_height_m: float = parameter(0.025, unit="m", doc="axle height h above the flat belly", low=0.0, high=1.0)
@@ -51,7 +51,7 @@ class Robot:
     )
 
     def __post_init__(self) -> None:
-        """What no single bound sees."""
+        """Checks that involve several parameters."""
         for name, high, what in (
             ("axle_height_m", 2 * self.leg_radius_m, "twice leg_radius_m: the legs would not reach below the belly"),
             ("leg_width_m", 2 * self.leg_radius_m, "twice leg_radius_m: a leg wider than its own circle"),
@@ -73,7 +73,7 @@ SANDBOT = Robot()
 
 
 def read_robot(path: Path | str) -> Robot:
-    """The robot a YAML file describes; what it leaves out is SandBot's. Raises InputError."""
+    """The robot described by a YAML file; missing keys are SandBot's. Raises InputError."""
     return robot_from_mapping(read_yaml(Path(path)), str(path))
 
 
@@ -83,7 +83,7 @@ def robot_from_text(text: str, where: str) -> Robot:
 
 
 def robot_of_trial(text: str) -> Robot | None:
-    """The robot in the JSON of /trial; None where it tells none. Raises InputError."""
+    """The robot in the JSON of /trial; None if it has none. Raises InputError."""
     trial = parse_json(text, "/trial")
     given = trial.get("robot") if isinstance(trial, dict) else None
     return None if given is None else robot_from_mapping(given, "/trial: robot")
@@ -93,7 +93,7 @@ def robot_from_mapping(mapping: Any, where: str) -> Robot:
     """The robot of a mapping; ``where`` opens every error line. Raises InputError."""
     if isinstance(mapping, Mapping):
         for key in mapping:
-            if remedy := _in_its_unit(str(key)):
+            if remedy := _unit_remedy(str(key)):
                 raise InputError(f"{where}: unknown key {key!r}; {remedy}")
     try:
         return from_mapping(Robot, mapping, where)
@@ -102,12 +102,12 @@ def robot_from_mapping(mapping: Any, where: str) -> Robot:
 
 
 def to_mapping(robot: Robot) -> dict[str, Any]:
-    """What ``robot_from_mapping`` reads back, as plain data."""
+    """The robot as plain data, from which ``robot_from_mapping`` restores it."""
     return dataclasses.asdict(robot) | {"leg_order": list(robot.leg_order)}
 
 
 def difference(one: Robot, other: Robot) -> str:
-    """In what two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if in nothing."""
+    """The parameters in which two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if they are equal."""
     pairs = ((spec.name, getattr(one, spec.name), getattr(other, spec.name)) for spec in specs(Robot))
     return ", ".join(f"{name} {_text(left)} and {_text(right)}" for name, left, right in pairs if left != right)
 
@@ -124,11 +124,11 @@ _CONVERSIONS = {
 }
 
 
-def _in_its_unit(key: str) -> str:
-    """What a key that is right but for its unit should have been; empty for any other."""
+def _unit_remedy(key: str) -> str:
+    """What a key with a wrong or missing unit should have been; empty for any other key."""
     bases = {re.sub("_(m_s2|kg|rad|m)$", "", spec.name): spec.name for spec in specs(Robot) if spec.unit}
     if key in bases:
-        return f"say {bases[key]}: every key tells its unit"
+        return f"say {bases[key]}: every key names its unit"
     for suffix, (unit, conversion) in _CONVERSIONS.items():
         right = key.removesuffix(suffix) + unit
         if key.endswith(suffix) and right in bases.values():

@@ -1,4 +1,4 @@
-"""ROS messages to CDR bytes. Uses rclpy's converter alone: no node, no DDS, nothing to shut down."""
+"""ROS messages to CDR bytes, with rclpy's converter alone: no node, no DDS, nothing to shut down."""
 
 from typing import Any
 
@@ -6,5 +6,5 @@ from rclpy.serialization import serialize_message
 
 
 def to_cdr(message: Any) -> bytes:
-    """The message as it would travel on the wire (CDR, little endian, with its four-byte header)."""
+    """The message as it is sent over the wire (CDR, little endian, with its four-byte header)."""
     return bytes(serialize_message(message))

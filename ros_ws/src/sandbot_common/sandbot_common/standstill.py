@@ -1,21 +1,21 @@
-"""Whether a loop stood still: what was asked of a frozen process starts nothing when it thaws."""
+"""Whether a loop stood still: requests to a frozen process must start nothing once it resumes."""
 
 import math
 from dataclasses import dataclass
 
 LIMIT_S = 2.0
-"""Less than anybody waits for an answer; more than a busy machine keeps a loop from a CPU."""
+"""Shorter than any client's timeout; longer than a busy machine keeps a loop from a CPU."""
 AWAKE_S = 5.0
-"""So long after it goes on again, a loop may still come upon what was asked before: DDS sends anew to whom it could not
-reach, every 3 s (measured: 0.6 to 3.07 s after a thaw)."""
+"""For this long after it resumes, a loop may still receive old requests: DDS resends to unreachable readers every 3 s
+(measured: 0.6 to 3.07 s after it resumed)."""
 OLD = f"held up until just now, and this may be an old request; ask again in {AWAKE_S:g} s"
 
 
 @dataclass
 class Standstill:
-    """``turn`` is called at short intervals by the loop, ``refusal`` before it obeys. Times [s] of a monotonic clock.
+    """The loop calls ``turn`` at short intervals, and ``refusal`` before it obeys. Times [s] of a monotonic clock.
 
-    Whoever asked has been told that nobody answered, or is gone; who is still there asks again.
+    The client of an old request has timed out or is gone; if it is still there, it asks again.
     """
 
     _turned_s: float = math.inf
@@ -28,7 +28,7 @@ class Standstill:
         self._turned_s = now_s
 
     def refusal(self, now_s: float) -> str:
-        """Why nothing may begin; an empty string where the loop did not stand still just before."""
-        # What was asked may come before the timer that turns, or after it.
+        """Why nothing may begin; an empty string unless the loop stood still just before."""
+        # After a standstill the request may be handled before the timer that calls ``turn``.
         self.turn(now_s)
         return OLD if now_s - self._woke_s <= AWAKE_S else ""

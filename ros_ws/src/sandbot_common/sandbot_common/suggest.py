@@ -5,9 +5,9 @@ from collections.abc import Iterable
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of a complaint about ``name``: the nearest of the ``known`` names, or all of them.
+    """The end of an error about ``name``: the nearest of the ``known`` names, or all of them.
 
-    Spaces, hyphens and capitals count for nothing: "Leg slip" means ``leg_slip``.
+    Spaces, hyphens, underscores and capitals are ignored: "Leg slip" means ``leg_slip``.
     """
     names = list(known)
     close = near(name, names)
@@ -15,9 +15,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def near(name: str, known: Iterable[str]) -> str:
-    """The one of the ``known`` names most like ``name``, or of which that is the last part; empty if none is."""
-    plain = {_plain(one): one for one in known}
-    if ends := [one for one in plain if one.endswith(f".{_plain(name)}")]:
+    """The ``known`` name whose last part is ``name``, or that is most similar to it; empty if there is none."""
+    plain = {_plain(candidate): candidate for candidate in known}
+    if ends := [candidate for candidate in plain if candidate.endswith(f".{_plain(name)}")]:
         return plain[ends[0]]
     close = difflib.get_close_matches(_plain(name), plain, n=1)
     return plain[close[0]] if close else ""

@@ -1,4 +1,4 @@
-"""What is printed for a person: colour where a terminal shows it, lines no wider than one."""
+"""Output for people: colour on a terminal, and lines that fit its width."""
 
 import os
 import sys
@@ -12,7 +12,7 @@ _CODES = {"bold": "1", "good": "1;32", "open": "1;33", "bad": "1;31"}
 def styled(text: str, style: str) -> str:
     """``text`` in bold, or bold and green (``good``), yellow (``open``), red (``bad``).
 
-    Plain where standard output is no terminal, and where NO_COLOR is set (no-color.org).
+    Plain if standard output is not a terminal, or if NO_COLOR is set (no-color.org).
     """
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not sys.stdout.isatty():
         return text
@@ -20,7 +20,7 @@ def styled(text: str, style: str) -> str:
 
 
 def filled(text: str, indent: str = "", width: int = WIDTH) -> str:
-    """``text`` in lines of a terminal, all but the first indented further by two columns."""
+    """``text`` wrapped to a terminal's width; after an ``indent``, all lines but the first get two columns more."""
     further = f"{indent}  " if indent else ""
     return textwrap.fill(
         text, width, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False

@@ -1,4 +1,4 @@
-"""What calls a node back as time passes, whatever ROS takes the time to be."""
+"""Timers on the monotonic clock, independent of ROS time."""
 
 import threading
 import time
@@ -12,11 +12,11 @@ TURN_S = 0.1
 
 
 class Timer:
-    """Calls back in the node's loop, by the time that has passed: for what commands, watches or tells that it lives.
+    """Calls back in the node's loop by elapsed time: for commands, watchdogs and signs of life.
 
-    ROS's own timers go by the system clock, or by /clock: where that is set back by a minute they stand still for one,
-    and with them the watchdog that turns the air off. Nor does a steady clock of ROS's help, for the wheels' executor
-    waits for its timers by the system clock whatever theirs is (decision 16). So a thread waits, as Python does it.
+    ROS's own timers follow the system clock, or /clock: if it is set back by a minute they stop for a minute, and with
+    them the watchdog that turns the air off. A steady ROS clock does not help, as the wheels' executor waits for all
+    its timers by the system clock (decision 16). So a Python thread waits.
     """
 
     def __init__(self, node: Node, period_s: float, callback: Callable[[], None]) -> None:
@@ -31,14 +31,14 @@ class Timer:
         self._ending.set()
 
     def end(self) -> None:
-        """The same, and no thread of it is left: it would ask a node that has been destroyed."""
+        """Cancel and join the thread, which must not use the node once it is destroyed."""
         self.cancel()
         self._thread.join()
 
     def _run(self) -> None:
         due_s = time.monotonic() + self._period_s
         while self._node.context.ok() and not self._ending.wait(max(due_s - time.monotonic(), 0.0)):
-            # A loop that is busy is not asked again, nor is what it missed caught up.
+            # A call still pending in a busy loop is not queued again, and missed calls are not made up for.
             if not self._due and (executor := self._node.executor) is not None:
                 self._due = True
                 executor.create_task(self._call)
@@ -51,30 +51,30 @@ class Timer:
 
 
 def call_soon(node: Node, callback: Callable[[], None]) -> None:
-    """Have the node's loop call back, behind what has come for it by now."""
+    """Have the node's loop call back, after everything already pending."""
     if (executor := node.executor) is not None:
         executor.create_task(_called, node, callback)
 
 
 def _called(node: Node, callback: Callable[[], None]) -> bool:
-    """Call back; False where that raises."""
+    """Call back; False if that raises."""
     try:
         callback()
     except Exception as error:
-        # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
+        # The executor of these wheels does not survive a task that raises; ``spin_once`` re-raises in the node's loop.
         node.failed = error
         return False
     return True
 
 
 def watched(node: Node) -> Standstill:
-    """One that turns with the node's loop: whatever is asked while the loop stands still starts nothing."""
+    """A ``Standstill`` updated by the node's loop: requests received while the loop stands still start nothing."""
     found = Standstill()
     Timer(node, TURN_S, lambda: found.turn(time.monotonic()))
     return found
 
 
 def end_timers(node: Node) -> None:
-    """Before the node is destroyed, or its context shut down."""
+    """End all timers of a node; call before it is destroyed or its context shut down."""
     for timer in getattr(node, "waiting", ()):
         timer.end()

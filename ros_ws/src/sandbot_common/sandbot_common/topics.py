@@ -1,7 +1,7 @@
 """Every topic of the trackway: name, type, and how it is delivered (design: SI units, REP-103).
 
-Names are those of bags, and of a trackway without a namespace. Nodes ask for them by ``relative``, so that in a
-namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, services, health and lease.
+Names are those in bags, and those of a trackway without a namespace. Nodes use them by ``relative``, so that in a
+namespace (``-r __ns:=/robot1``) a whole trackway is separate: topics, services, health and lease.
 """
 
 import math
@@ -16,15 +16,15 @@ FRAME = "trackway"
 """x along the track, z up from the undisturbed surface."""
 
 NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-"""What ROS takes for the full name of a topic."""
+"""What ROS accepts as the full name of a topic."""
 
 
 @dataclass(frozen=True)
 class Topic:
     """A topic; ``latched`` ones keep their last message for late subscribers (transient local).
 
-    ``deadline_s``: while there is anything to command, a command comes at least that often (decision 16). It is offered
-    as DDS deadline and liveliness: a driver that asks for as much is told of a miss.
+    ``deadline_s``: while there is anything to command, a command is sent at least that often (decision 16). It is
+    offered as DDS deadline and liveliness: a driver that requests the same is notified of a miss.
     """
 
     name: str
@@ -35,12 +35,12 @@ class Topic:
 
     @property
     def relative(self) -> str:
-        """The name within the namespace of the node that asks."""
+        """The name within the namespace of the node that uses it."""
         return relative(self.name)
 
 
 def relative(name: str) -> str:
-    """The name of a topic or service within the namespace of the node that asks for it."""
+    """The name of a topic or service within the namespace of the node that uses it."""
     return name.removeprefix("/")
 
 
@@ -91,7 +91,7 @@ MODEL_SPEED = Topic("/model/speed", "geometry_msgs/msg/TwistWithCovarianceStampe
 MODEL_SPEED_MEAN = Topic("/model/speed/mean", "std_msgs/msg/Float64")
 MODEL_ERROR = Topic("/model/error", "std_msgs/msg/Float64")
 OPERATOR_LEASE = Topic("/operator/lease", "std_msgs/msg/Header", depth=1, deadline_s=0.25)
-"""Renewed by whoever commands bed and clock (a campaign), named in frame_id; they stop by themselves without it."""
+"""Renewed by the commander of bed and clock (a campaign), named in frame_id; without it they stop by themselves."""
 TRIAL = Topic("/trial", "std_msgs/msg/String", latched=True, depth=1)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 
@@ -99,18 +99,18 @@ ALL = tuple(value for value in list(globals().values()) if isinstance(value, Top
 """All topics of a trial, in the order above."""
 
 HEARTBEAT = Topic("/heartbeat", "std_msgs/msg/Header")
-"""20 times a second from every process, whatever its node is busy with; frame_id: the node, stamp: when its loop last
-turned. In no bag."""
+"""20 times a second from every process, however busy its node; frame_id: the node, stamp: when its loop last turned.
+Not recorded."""
 CAMPAIGN_STATUS = Topic("/campaign/status", "std_msgs/msg/String", latched=True, depth=1)
-"""JSON: the queue, what is under way, why it is held, and answers to what was asked. Not of a trial, so in no bag."""
+"""JSON: the queue, the trial under way, why it is held, and answers to commands. No part of a trial: not recorded."""
 CAMPAIGN_COMMAND = Topic("/campaign/command", "std_msgs/msg/String", depth=10)
 """JSON: skip, repeat, add. Never latched: an old order must not be obeyed by the next campaign."""
 MODEL_CURVE = Topic("/model/curve", "std_msgs/msg/String", latched=True, depth=1)
 """JSON: the model's mean speed against the leg frequency at the volume fraction of the trial under way."""
 SCENE = Topic("/scene", "visualization_msgs/msg/MarkerArray", depth=1)
-"""Bed, robot and marks as shapes, for RViz and Foxglove. Made of other topics, so in no bag; nor is the next."""
+"""Bed, robot and marks as shapes, for RViz and Foxglove. Derived from other topics: not recorded; nor is the next."""
 FRAMES = Topic("/frames", "geometry_msgs/msg/TransformStamped")
 """Where the robot's body (base_link) and the cameras' optical frames are."""
 
-BESIDE = (CAMPAIGN_STATUS, MODEL_CURVE, HEARTBEAT, SCENE, FRAMES)
-"""Topics that are not of a trial, so in no bag, and that anybody may look at."""
+UNRECORDED = (CAMPAIGN_STATUS, MODEL_CURVE, HEARTBEAT, SCENE, FRAMES)
+"""Topics that are no part of a trial and so not recorded, but open to any reader."""

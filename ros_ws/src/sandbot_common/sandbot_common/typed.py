@@ -1,4 +1,4 @@
-"""Whether arguments are of the types that a function says: a door of Python is used where no type checker runs."""
+"""Run-time checks of argument types for the Python API, whose users may run no type checker."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from numbers import Integral, Real
@@ -9,31 +9,31 @@ from typing import Any, Union, get_args, get_origin
 from sandbot_common.errors import InputError
 
 _NUMBERS: dict[object, type] = {int: Integral, float: Real}
-_WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a text"}
+_WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a string"}
 _LONGEST = 60
-"""Characters of a value in a message."""
+"""The most characters of a value in a message."""
 
 
 def check_types(function: Callable[..., Any], given: Mapping[str, Any]) -> None:
-    """Raises InputError for the first argument of another type than its annotation; one in quotes is not looked at."""
+    """Raises InputError for the first argument that does not match its annotation; quoted annotations are skipped."""
     for name, kind in function.__annotations__.items():
         if name in given and not isinstance(kind, str) and not is_a(given[name], kind):
             value = given[name]
             if isinstance(value, str) and _origin(kind) is Sequence:
-                raise InputError(f"{name}: {value!r} is one text; a list is needed, [{value!r}]")
+                raise InputError(f"{name}: {value!r} is one string; a list is needed, [{value!r}]")
             raise InputError(f"{name}: {shorten(repr(value), _LONGEST)}; {_words(kind)} is needed")
 
 
 def is_a(value: Any, kind: Any) -> bool:
-    """Whether a value is what an annotation says. True is no number; any collection but a text will do as a list."""
+    """Whether a value matches an annotation. True is no number; any collection but a string counts as a list."""
     origin, of = _origin(kind), get_args(kind)
     if origin in (Union, UnionType):
-        return any(is_a(value, one) for one in of)
+        return any(is_a(value, option) for option in of)
     if origin is Sequence:
         several = isinstance(value, Collection) and not isinstance(value, str | bytes | Mapping)
-        return several and all(is_a(one, of[0]) for one in value)
+        return several and all(is_a(item, of[0]) for item in value)
     if origin is Mapping:
-        return isinstance(value, Mapping) and all(is_a(one, of[1]) for one in value.values())
+        return isinstance(value, Mapping) and all(is_a(item, of[1]) for item in value.values())
     if origin in _NUMBERS:
         return isinstance(value, _NUMBERS[origin]) and not isinstance(value, bool)
     return isinstance(value, origin)
@@ -51,5 +51,5 @@ def _words(kind: Any) -> str:
 
 
 def _origin(kind: Any) -> Any:
-    """``Sequence`` of ``Sequence[str]``; a class is its own."""
+    """``Sequence`` for ``Sequence[str]``; a plain class itself."""
     return get_origin(kind) or kind

@@ -1,4 +1,4 @@
-"""Large messages are sent no faster than they are taken."""
+"""Flow control: large messages are sent no faster than they are read."""
 
 import time
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ _AT_ONCE = Duration(seconds=0)
 
 
 class Window:
-    """Whether there is room for one more message: at most so many of some publishers are on their way to their readers.
+    """Whether there is room for one more message: at most ``most`` messages of some publishers are unacknowledged.
 
-    Reliable delivery does not hold back who sends. A reader that gets no CPU leaves shared memory full, and then every
-    topic of the sender loses messages (decision 6). One that takes nothing for ``PATIENCE_S`` has died or is frozen,
-    and is not waited for until it takes all again.
+    Reliable delivery does not throttle the sender. A reader that gets no CPU leaves shared memory full, and then every
+    topic of the sender loses messages (decision 6). A reader that takes nothing for ``PATIENCE_S`` has died or is
+    frozen, and is not waited for until it has caught up.
     """
 
     def __init__(self, publishers: Sequence[Publisher], most: int) -> None:
@@ -31,11 +31,11 @@ class Window:
 
     @property
     def unread(self) -> int:
-        """How many at most were on their way when it was asked last."""
+        """The most messages that can have been unacknowledged at the last check."""
         return self._sent
 
     def sent(self) -> None:
-        """One message more is on its way."""
+        """One more message has been sent."""
         self._sent += 1
         if self._sent == self._most:
             self._full_s = time.monotonic()

@@ -15,15 +15,15 @@ from typing import Literal
 def pool(count: int, start: Literal["fork", "spawn"], also: Callable[[], None] | None = None) -> ProcessPoolExecutor:
     """``count`` worker processes; each runs ``also`` before its first task.
 
-    A forked worker sees what its parent has loaded (a user's effects could not be found again by name). Where the
-    parent has threads (DDS, numba) spawn is needed: it starts from nothing.
+    A forked worker inherits what its parent has loaded (a user's effects could not be imported by name). If the parent
+    has threads (DDS, numba), spawn is needed, which starts a fresh interpreter.
     """
     context = _Spawned() if start == "spawn" else _Forked()
     return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(also,))
 
 
 class _Starts:
-    """A process that is born with Ctrl-C blocked: in the middle of its imports it would die of it, with a trace."""
+    """A process that starts with Ctrl-C blocked: during its imports it would end with a traceback."""
 
     def start(self) -> None:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -38,7 +38,7 @@ class _SpawnedProcess(_Starts, SpawnProcess):
 
 
 class _ForkedProcess(_Starts, ForkProcess):
-    """What the parent has left lying about is the parent's to end: OpenCV waits for threads that a worker has not."""
+    """Never collects objects inherited from the parent: OpenCV's would wait for threads that a fork does not have."""
 
     def run(self) -> None:
         gc.freeze()
@@ -54,7 +54,7 @@ class _Forked(ForkContext):
 
 
 def _start(also: Callable[[], None] | None) -> None:
-    # Ctrl-C reaches the whole process group; the parent decides, a worker finishes its task.
+    # Ctrl-C reaches the whole process group; the parent decides, and a worker finishes its task.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -63,7 +63,7 @@ def _start(also: Callable[[], None] | None) -> None:
 
 
 def _end_with_parent() -> None:
-    # A parent that was killed can't stop its workers, and what is begun anew must not race with them.
+    # A killed parent can't stop its workers, which must not race with the next run.
     if (parent := multiprocessing.parent_process()) is not None:
         wait([parent.sentinel])
         os._exit(1)

@@ -1,11 +1,11 @@
-"""A bed, a leg controller and cameras on serial lines: an example of drivers, and devices to try them on.
+"""A bed, a leg controller and cameras on serial lines: example drivers, and simulated devices to test them on.
 
-lines               what goes over the wire: checked lines, and blocks of bytes
+lines               the wire format: lines with checksums, and blocks of bytes
 device_clock        a device's time on the host's clock
-port                a serial line that is opened again when its cable is back
+port                a serial line that is reopened when its cable is back
 serial_legs_node    /leg_setpoints out, /leg_states and /sync_led in
 serial_bed_node     /bed/blower out, /bed/height in
 serial_camera_node  frames of one camera in
-devices             simulated controllers of legs and bed, each with a watchdog of its own
-simulate            the devices on pseudo-terminals, with the virtual lab's robot, bed and cameras behind them
+devices             simulated controllers of legs and bed, each with its own watchdog
+simulate            the devices on pseudo-terminals, connected to the virtual lab's robot, bed and cameras
 """

@@ -1,4 +1,4 @@
-"""Simulated controllers, as simple as a microcontroller's program: lines in, lines out, and a watchdog of their own.
+"""Simulated controllers, as simple as a microcontroller's program: lines in, lines out, and their own watchdog.
 
 The clock is passed in (seconds); nothing here does input or output.
 """
@@ -11,15 +11,16 @@ from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 
 RESOLUTION_S = 1e-6
-"""The line's resolution: legs go on by at least that from one report to the next, whatever a late host says."""
+"""The line's time resolution: report times advance by at least this much, even if the host's stamps do not."""
 Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float], Sequence[float]]]
-"""Device time [s], angles and rates asked for, to angles, rates and efforts that came of it."""
+"""From device time [s], commanded angles and rates to resulting angles, rates and efforts."""
 
 
 class LegController:
-    """Follows set-points; at rest, and deaf to motion until told rest, when the last one is older than its lease.
+    """Follows set-points. When the last one is older than its lease, the legs stop, and set-points that move them are
+    ignored until one at rest arrives.
 
-    So it begins: of motion that was under way before it was there it has not seen the start.
+    It starts in that state, as it has not seen the start of a motion that was already under way.
     """
 
     def __init__(self, legs: int, walk: Walk, begin: Callable[[float], None], lease_s: float = 0.24) -> None:
@@ -31,11 +32,11 @@ class LegController:
         self.said_s = 0.0
 
     def heard(self, line: Line, now_s: float) -> list[bytes]:
-        """What it answers to a line."""
+        """Its replies to a line."""
         if line.kind != "S" or len(line.values) != 1 + 2 * self._legs:
             return []
         replies = self._watch(now_s)
-        # Where the legs are to be at the set-point's own time: how long it was under way is not their affair.
+        # The set-point holds for its own time, however long its transmission took.
         t_s = self._host.host_ns(int(line.values[0]) * 1000, round(now_s * 1e9)) * 1e-9
         t_s = max(t_s, self.said_s + RESOLUTION_S)
         angles, rates = lines.split(line.values[1:], self._legs)
@@ -51,9 +52,9 @@ class LegController:
         return [*replies, self._report(t_s, angles, rates)]
 
     def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
-        """What it says by itself: where the legs are, and that its watchdog stopped them."""
-        if said := self._watch(now_s):
-            return said
+        """What it sends unasked: leg positions, and that its watchdog has stopped the legs."""
+        if sent := self._watch(now_s):
+            return sent
         if not self.moving and now_s - self.said_s >= report_s:
             return [self._report(now_s, self._held, [0.0] * self._legs)]
         return []
@@ -81,27 +82,27 @@ class BedController:
     def __init__(
         self, blow: Callable[[float, float], None], height_m: Callable[[float], float], lease_s: float = 0.45
     ) -> None:
-        """``blow(level, now_s)`` and ``height_m(now_s)`` are the bed itself."""
+        """``blow(level, now_s)`` and ``height_m(now_s)`` connect to the bed."""
         self._blow, self._height_m, self._lease = blow, height_m, Lease(lease_s)
         self.level = self.said_s = 0.0
 
     def heard(self, line: Line, now_s: float) -> list[bytes]:
-        """What it answers to a line."""
+        """Its replies to a line."""
         if line.kind == "B" and len(line.values) == 1 and 0.0 <= line.values[0] <= 1.0:
             self._lease.renew(now_s)
             self._set(line.values[0], now_s)
         return []
 
     def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
-        """What it says by itself."""
-        said = []
+        """What it sends unasked."""
+        sent = []
         if self.level > 0.0 and self._lease.late(now_s):
             self._set(0.0, now_s)
-            said.append(lines.encode("W", lines.AIR_OFF))
+            sent.append(lines.encode("W", lines.AIR_OFF))
         if now_s - self.said_s >= report_s:
             self.said_s = now_s
-            said.append(lines.encode("H", self._height_m(now_s)))
-        return said
+            sent.append(lines.encode("H", self._height_m(now_s)))
+        return sent
 
     @property
     def silence_s(self) -> float:

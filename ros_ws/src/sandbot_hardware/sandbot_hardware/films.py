@@ -1,7 +1,7 @@
-"""The two simulated cameras, a process of their own: what it takes to draw must not make the legs late.
+"""The two simulated cameras, in their own process: rendering must not delay the legs.
 
-It hears the set-points that the robot hears and walks the same robot by them, from the same chance. Frames carry the
-devices' time, so how long they are under way is nobody's affair.
+It receives the same set-points as the robot and simulates the same robot with the same random seed. Frames carry the
+devices' time, so transmission delays don't matter.
 """
 
 import time
@@ -24,17 +24,17 @@ from sandbot_lab.world import START_X_M, null_world
 CAMERAS = ("dorsal", "lateral")
 JPEG_QUALITY = 95
 PRIORITY = 1
-"""Below all who command: a real camera waits for nobody, and keeps its rate whatever the host is busy with."""
+"""Real time, as a real camera keeps its rate however busy the host is; but below all nodes that command."""
 BEHIND_S = 0.1
-"""Frames of a robot that stands are made up for by so much; after a walk, or a longer wait, their times begin anew."""
+"""Frames of a standing robot catch up on delays up to this; after a walk, or a longer delay, their times restart."""
 
 
 def film(
     folder: Path, sections: Mapping[str, Any], robot: Robot, seed: int, boot_s: float, orders: "Connection[Any, Any]"
 ) -> None:
-    """Film until there are no more orders: (pull or plug, camera), (begin, φ, t0), (walk, t, angles, rates), (rest,).
+    """Film until the orders end: (pull or plug, camera), (begin, φ, t0), (walk, t, angles, rates), (rest,).
 
-    ``boot_s``: the monotonic time at which the devices' own is 0; times of orders are the devices', in ns.
+    ``boot_s``: the monotonic time at which the devices' time is 0; orders carry device time [ns].
     """
     warm_up(sections)
     ask_for_real_time(PRIORITY)
@@ -62,11 +62,11 @@ class _Films:
 
     @property
     def due_s(self) -> float | None:
-        """Until the next frame of a robot that stands; None while it walks, for then set-points tell."""
+        """Time until the next frame of a standing robot; None while it walks, when set-points trigger the frames."""
         return None if self._trial else max(self._filmed_s + self._period_s - self._now_s(), 0.0)
 
     def obey(self, order: str, *given: Any) -> None:
-        """One order."""
+        """Execute one order."""
         match order:
             case "pull" | "plug":
                 getattr(self._ports[given[0]], order)()
@@ -81,19 +81,19 @@ class _Films:
                 self._trial = None
 
     def stand(self) -> None:
-        """A frame of the robot where it starts."""
+        """Send a frame of the robot at its starting position."""
         now_s, due_s = self._now_s(), self._filmed_s + self._period_s
         self._filmed_s = due_s if now_s - due_s < BEHIND_S else now_s
         for name, camera in self._standing.items():
-            if self._ports[name].idle:  # else nobody reads
+            if self._ports[name].idle:  # otherwise nobody reads
                 self._send(name, self._filmed_s, camera.render(START_X_M, self._robot.axle_height_m))
 
     def _now_s(self) -> float:
         return time.monotonic() - self._boot_s
 
     def _send(self, name: str, t_s: float, pixels: Any) -> None:
-        def made() -> bytes:
+        def message() -> bytes:
             _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
             return lines.encode_block("C", round(t_s * 1e6), np.asarray(jpeg).tobytes())
 
-        self._ports[name].say(made)
+        self._ports[name].say(message)

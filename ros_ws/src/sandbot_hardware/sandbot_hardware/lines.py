@@ -1,9 +1,9 @@
-r"""What goes over the wire, both ways: lines of ASCII, each with its checksum, and blocks of bytes after one of them.
+r"""The wire format, in both directions: lines of ASCII with a checksum, some followed by a block of bytes.
 
     <kind> <value> <value> ... *<checksum>\n
 
 ``kind`` is one capital letter, values are decimal numbers, the checksum is the exclusive or of all bytes before the
-``*`` in two hexadecimal digits. A line that does not check is dropped and counted; the next one comes soon.
+``*`` in two hexadecimal digits. A line with a wrong checksum is dropped and counted; the next one comes soon.
 
     host to legs     S t_us angle... rate...          set-point for the host's time [us]: angles (rad), rates (rad/s)
     legs to host     L t_us angle... rate... effort.. where the legs are (rad, rad/s, N m) at the device's time [us]
@@ -25,7 +25,7 @@ _LONGEST_LINE, _LONGEST_BLOCK = 1024, 4 << 20
 
 @dataclass(frozen=True)
 class Line:
-    """One message; ``block`` is empty but for frames."""
+    """One message; ``block`` is empty except for frames."""
 
     kind: str
     values: tuple[float, ...]
@@ -33,7 +33,7 @@ class Line:
 
 
 def encode(kind: str, *values: float) -> bytes:
-    """A line. Integers stay whole, other numbers have five decimals."""
+    """A line. Integers stay integers, other numbers get five decimals."""
     words = [kind, *(str(value) if isinstance(value, int) else f"{value:.5f}" for value in values)]
     body = " ".join(words).encode("ascii") + b" "
     return body + b"*%02X\n" % _checksum(body)
@@ -45,7 +45,7 @@ def encode_block(kind: str, t_us: int, block: bytes) -> bytes:
 
 
 def decode(raw: bytes) -> Line | None:
-    """The message of a line without its end; None where it does not check."""
+    """The message in a line without its newline; None if it is malformed or its checksum is wrong."""
     body, star, given = raw.rpartition(b"*")
     try:
         if not star or len(given) != 2 or int(given, 16) != _checksum(body):
@@ -59,7 +59,7 @@ def decode(raw: bytes) -> Line | None:
 
 
 class Reader:
-    """Bytes as they come to messages; ``damaged`` counts what did not check."""
+    """Parses incoming bytes into messages; ``damaged`` counts invalid ones."""
 
     def __init__(self) -> None:
         self.damaged = 0
@@ -67,7 +67,7 @@ class Reader:
         self._awaited: Line | None = None
 
     def feed(self, data: bytes) -> Iterator[Line]:
-        """The messages that are whole by now."""
+        """The messages that are now complete."""
         self._rest += data
         while (line := self._next()) is not None:
             yield line
@@ -103,7 +103,7 @@ class Reader:
 
 
 def split(values: Sequence[float], legs: int) -> list[list[float]]:
-    """Values in groups of so many legs. Raises ValueError where they do not come out even."""
+    """Values in groups of one per leg. Raises ValueError if they don't divide evenly."""
     if not legs or not values or len(values) % legs:
         raise ValueError(f"{len(values)} values for {legs} legs")
     return [list(values[start : start + legs]) for start in range(0, len(values), legs)]

@@ -1,4 +1,4 @@
-"""A serial line that is read in a thread of its own, and opened again when its cable is back."""
+"""A serial line that is read in its own thread, and reopened when its cable is back."""
 
 import errno
 import os
@@ -15,7 +15,7 @@ from sandbot_hardware.lines import Line, Reader
 
 RETRY_S = 0.5
 _WAIT_S = 0.1
-"""A read waits so long at most, and so does a write: a device that takes nothing must not hold up its driver."""
+"""The longest that a read or write waits: a device that accepts nothing must not hold up its driver."""
 
 
 class Port:
@@ -26,7 +26,7 @@ class Port:
         self._reader = Reader()
         self._device: serial.Serial | None = None
         self.trouble = f"{path}: not opened yet"
-        """Why nothing can be said or heard now; empty while the line is there."""
+        """Why the line can't be used now; empty while it is open."""
         self.opened = 0
         self._lock, self._closing = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=path, daemon=True)
@@ -34,16 +34,16 @@ class Port:
 
     @property
     def damaged(self) -> int:
-        """Messages that did not check."""
+        """Number of invalid messages."""
         return self._reader.damaged
 
     @property
     def health(self) -> tuple[int, str]:
-        """Level and text for /diagnostics: without its device a driver is no use."""
+        """Level and text for /diagnostics: a driver without its device is an error."""
         return (2, self.trouble) if self.trouble else (0, "ok")
 
     def write(self, data: bytes) -> bool:
-        """Whether it was sent; where the cable is out, nothing is kept for later."""
+        """Send, and return whether it was sent; while the cable is out, nothing is kept for later."""
         with self._lock:
             if self._device is None:
                 return False
@@ -55,7 +55,7 @@ class Port:
             return True
 
     def close(self) -> None:
-        """Let what was written go out, and close."""
+        """Finish writing, and close."""
         self._closing.set()
         self._thread.join()
         with self._lock:
@@ -83,15 +83,15 @@ class Port:
         try:
             self._heard(line, received_ns)
         except (ValueError, OverflowError):
-            # It checks and means nothing, a time that is no number say: as good as damaged, and the next one comes.
+            # A valid checksum but meaningless content, such as a time that is not a number: count it as damaged.
             self._reader.damaged += 1
 
     def _open(self) -> serial.Serial | None:
         try:
-            # Of two drivers on one line each would take the other's bytes, and both would command.
+            # Two drivers on one line would take each other's bytes, and both would command.
             device = serial.Serial(self._path, self._baud, timeout=_WAIT_S, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
-            self.trouble = f"{self._path}: {_said(error)}"
+            self.trouble = f"{self._path}: {_reason(error)}"
             return None
         with self._lock:
             self._device, self.trouble = device, ""
@@ -102,14 +102,14 @@ class Port:
         if self._device is not None:
             self._device.close()
             self._device = None
-        self.trouble = f"{self._path}: {_said(error)}"
+        self.trouble = f"{self._path}: {_reason(error)}"
 
 
 def send(file: int, data: bytes) -> None:
-    """Write all of it. Raises TimeoutError where the device takes nothing for ``_WAIT_S``.
+    """Write all of it. Raises TimeoutError if the device accepts nothing for ``_WAIT_S``.
 
-    Not pyserial's write: that also fails where this process was held up for longer, after all had gone out, and a busy
-    machine was taken for a cable that is out.
+    Not pyserial's write, which also fails if this process is held up for longer after everything was sent, so that a
+    busy machine was mistaken for an unplugged cable.
     """
     while data:
         _, ready, _ = select.select([], [file], [], _WAIT_S)
@@ -119,13 +119,13 @@ def send(file: int, data: bytes) -> None:
 
 
 def fixed(_: object) -> None:
-    """Refuse to change the parameters of a driver that runs."""
+    """Refuse to change the parameters of a running driver."""
     raise InputError("the line is opened at the start: restart the driver to change it")
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     if getattr(error, "errno", None) == errno.EAGAIN:
         return "another program has it open; one driver for each line"
-    if isinstance(error, termios.error):  # no OSError, and pyserial lets it through
+    if isinstance(error, termios.error):  # not an OSError, and pyserial does not wrap it
         return str(error.args[-1])
     return getattr(error, "strerror", None) or "the cable is out"

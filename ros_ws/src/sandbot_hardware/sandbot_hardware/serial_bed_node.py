@@ -1,7 +1,7 @@
 """The bed on a serial line: /bed/blower out, /bed/height in.
 
-Air is leased: a /bed/blower that is late by air_lease_s turns it off, until it has been told off. The bed's controller
-does the same by itself.
+Air is leased: if no /bed/blower arrives for air_lease_s, the air is turned off, and stays off until a /bed/blower of 0
+has been received. The bed's controller has the same watchdog.
 """
 
 import time
@@ -22,11 +22,11 @@ from sandbot_hardware.serial_bed_parameters import SerialBedParameters
 
 WATCH_S = 0.02
 BED = "bed"
-"""Who commands: on this host the system tells when it is gone."""
+"""The commanding node; if it runs on this host, its end is detected at once."""
 
 
 class SerialBed(Node):
-    """Hands the blower on, and the height back."""
+    """Forwards the blower level to the device, and the height to ROS."""
 
     def __init__(self) -> None:
         super().__init__("serial_bed")
@@ -41,7 +41,7 @@ class SerialBed(Node):
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
-        """Air off before the node goes."""
+        """Air off before the node ends."""
         self._blow(0.0)
         self._port.close()
 
@@ -49,14 +49,14 @@ class SerialBed(Node):
         self._lease.renew(time.monotonic())
         # NaN is off.
         level = message.data if 0.0 <= message.data <= 1.0 else 0.0
-        # Nothing goes on by itself: air that was stopped comes on again when it has been told off.
+        # Nothing resumes by itself: stopped air can come on again only after a commanded level of 0.
         self._lapsed = self._lapsed and level > 0.0
         if self._level <= 0.0 < level:
             self._partners.begin(BED)
         self._blow(0.0 if self._lapsed else level)
 
     def _blow(self, level: float) -> None:
-        # Every time, changed or not: the controller's watchdog wants to hear it.
+        # Every time, changed or not: the controller's watchdog needs it.
         if level > 0.0 >= self._level:
             self._blown_since = self._port.opened
         self._level = level
@@ -67,12 +67,13 @@ class SerialBed(Node):
             self._lapsed = True
             self._stops += 1
             self._blow(0.0)
-            self._health.publish()  # at once: the bed goes by it
+            self._health.publish()  # at once: the bed node relies on it
             self.get_logger().error(f"air off: {why}")
 
     def _stopped(self) -> str:
-        """Why air must not go on; an empty string while it may."""
-        # The controller turns it off by itself then, and can't say so: less air than told, even if the cable is back.
+        """Why the air must stop; an empty string while it may go on."""
+        # If the line is lost, the controller turns the air off and can't report it: even if the cable is back by now,
+        # the bed had less air than commanded.
         if self._port.trouble or self._port.opened != self._blown_since:
             return self._port.trouble or "the line was lost for a moment"
         return self._partners.lost(BED, self._lease, f"nothing on {topics.BED_BLOWER.name}")

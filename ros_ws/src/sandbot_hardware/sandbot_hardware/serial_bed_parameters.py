@@ -1,4 +1,4 @@
-"""Parameters of the serial bed driver, and its command line: both are there before ROS is."""
+"""Parameters of the serial bed driver, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class SerialBedParameters:
-    """Where the bed is."""
+    """The line to the bed, and its limits."""
 
     device: str = parameter("/dev/ttyUSB0", doc="serial line of the bed's controller")
     baud: int = parameter(115200, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)

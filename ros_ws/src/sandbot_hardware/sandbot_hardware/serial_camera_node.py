@@ -1,7 +1,7 @@
 """A camera that sends JPEG frames over a serial line: image_raw and camera_info of one view.
 
-A frame's stamp is the middle of its exposure by the camera's own clock, set on the host's as near as the line tells;
-what is left, the sync LED tells the tracker.
+A frame's stamp is the middle of its exposure by the camera's clock, converted to the host's as well as the line allows;
+the tracker finds the remaining offset from the sync LED.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from sandbot_tracking.calibration import read_cameras
 
 
 class SerialCamera(Node):
-    """Publishes each frame as it comes."""
+    """Publishes each frame as it arrives."""
 
     def __init__(self) -> None:
         super().__init__("serial_camera")
@@ -32,8 +32,8 @@ class SerialCamera(Node):
             cameras = read_cameras(given.cameras)
             if given.camera not in cameras:
                 raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
-            one = cameras[given.camera]
-            self._info = messages.camera_info(0, self._frame, (one.width, one.height), one.matrix, one.distortion)
+            used = cameras[given.camera]
+            self._info = messages.camera_info(0, self._frame, (used.width, used.height), used.matrix, used.distortion)
         view = topics.VIEWS[given.camera]
         self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
         self._frames = self._unreadable = 0

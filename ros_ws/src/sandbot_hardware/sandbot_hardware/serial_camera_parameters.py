@@ -1,4 +1,4 @@
-"""Parameters of the serial camera driver, and its command line: both are there before ROS is."""
+"""Parameters of the serial camera driver, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,11 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class SerialCameraParameters:
-    """Which camera, and where."""
+    """Which camera, and its line."""
 
     camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
     device: str = parameter("/dev/ttyACM0", doc="serial line of the camera")
-    baud: int = parameter(921600, unit="Bd", doc="speed of the line; USB takes no notice", low=9600, high=12_000_000)
+    baud: int = parameter(921600, unit="Bd", doc="speed of the line; ignored by USB", low=9600, high=12_000_000)
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
 
 

@@ -1,13 +1,13 @@
 """The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
 
-Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
-at rest has come; so it is from the start, for a driver may begin in the middle of a gait. That set-point is no place to
-go to: the legs are told rest where they say they are. A second commander brings them to rest, too, and nobody's
-set-points are handed on while there are two; so does a set-point that no leg can follow. The controller does the same
-by itself when the line is silent.
+Motion is leased here as everywhere: if no set-point arrives for legs_lease_s, the legs are brought to rest, and stay so
+until a set-point at rest has been received; this is also the initial state, as a driver may start in the middle of a
+gait. The angles of that set-point are not a target: the legs are told to rest at the angles they report. A second
+commander also brings them to rest, and nobody's set-points are forwarded while there are two; so does a set-point that
+no leg can follow. The controller does the same by itself when the line is silent.
 
-A line that is too slow for the set-points, or a driver held up, loses old ones; where one is handed on later than it
-might be by legs_lease_s the legs rest, for they would walk on after a stop.
+A line too slow for the set-points, or a driver held up, loses old ones; if a set-point is forwarded legs_lease_s later
+than it could have been, the legs are brought to rest, as they would otherwise walk on after a stop.
 """
 
 import time
@@ -33,13 +33,13 @@ from sandbot_hardware.serial_legs_parameters import LegsParameters
 
 WATCH_S = 0.01
 KEPT = 50
-"""Set-points in wait: a stop stands behind these at most, and legs take no harm from the loss of older ones."""
+"""Queued set-points: a stop waits behind at most this many, and losing older ones is harmless."""
 CLOCK = "clock"
-"""Who commands: on this host the system tells when it is gone."""
+"""The commanding node; if it runs on this host, its end is detected at once."""
 
 
 class SerialLegs(Node):
-    """Hands set-points on at once, in the thread that hears them."""
+    """Forwards set-points at once, in the thread that receives them."""
 
     def __init__(self) -> None:
         super().__init__("serial_legs")
@@ -61,7 +61,7 @@ class SerialLegs(Node):
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
-        """Legs at rest before the node goes."""
+        """Legs at rest before the node ends."""
         if self._moving:
             self._rest()
         self._port.close()
@@ -91,20 +91,20 @@ class SerialLegs(Node):
         self._sent += self._say(t_ns, rates)
 
     def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
-        """Why a set-point is not handed on; an empty string if it is."""
+        """Why a set-point is not forwarded; an empty string if it is."""
         if not np.isfinite([angles, rates]).all():
             return "an angle or rate is not finite"
         if why := self._rivals.fault():
             return why
         now_ns, moving = time.monotonic_ns(), any(rates)
         if moving and (self._lapsed or self._lease.late(now_ns * 1e-9)):
-            # Nothing goes on by itself: late commands of before a silence are no start.
-            return "they are told to move before they have been told rest"
-        # His clock may be any other: what is late is later than others of this walk, back to the word of rest.
+            # Nothing resumes by itself: late commands from before a silence must not start the legs.
+            return "they are told to move before they have been told to rest"
+        # The commander's clock may have any offset: a late set-point is later than others since the last one at rest.
         delay_ns = now_ns - t_ns
         self._least_ns = min(self._least_ns, delay_ns) if moving else delay_ns
         if (late_s := (delay_ns - self._least_ns) * 1e-9) > self._lease.limit_s:
-            return f"set-points are handed on {late_s:.2g} s late"
+            return f"set-points are forwarded {late_s:.2g} s late"
         if moving or self._moving:
             step_s = np.array([0, max(t_ns - self._commanded_ns, 1)]) * 1e-9
             try:
@@ -118,7 +118,7 @@ class SerialLegs(Node):
             self._stop(why)
 
     def _stop(self, why: str) -> None:
-        if not self._why:  # what stopped them first says more
+        if not self._why:  # the first reason is the informative one
             self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
             self.get_logger().error(self._why)
         self._lapsed = True
@@ -127,7 +127,7 @@ class SerialLegs(Node):
 
     def _rest(self) -> None:
         self._moving = False
-        # By the commander's time: the system clock may have been set since.
+        # In the commander's time, as the system clock may have been changed since.
         silent_ns = round((time.monotonic() - self._lease.renewed_s) * 1e9)
         self._say(self._commanded_ns + silent_ns, [0.0] * len(self._order))
 

@@ -1,4 +1,4 @@
-"""Parameters of the serial legs driver, and its command line: both are there before ROS is."""
+"""Parameters of the serial legs driver, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class LegsParameters:
-    """Where the controller is."""
+    """The line to the controller, and its lease."""
 
     device: str = parameter("/dev/ttyUSB1", doc="serial line of the leg controller")
     baud: int = parameter(921600, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)

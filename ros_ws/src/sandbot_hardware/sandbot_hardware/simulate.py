@@ -1,4 +1,4 @@
-"""The four devices on pseudo-terminals, behind which are the virtual lab's bed, robot and cameras."""
+"""The four devices on pseudo-terminals, connected to the virtual lab's bed, robot and cameras."""
 
 import multiprocessing
 import os
@@ -50,24 +50,24 @@ class Trackway:
         self.legs = LegController(len(robot.leg_order), self._walk, self._begin, lease_s)
         self.bed = BedController(self._blow, self._height_m)
         self.ports = {name: Terminal(folder / name) for name in CONTROLLERS}
-        # Spawned, for by now there are threads; it ends with this process, of which its pipe tells.
+        # Spawned, as there are threads by now; it ends with this process, when the pipe closes.
         context = multiprocessing.get_context("spawn")
         self._films, orders = context.Pipe()
         self._orders: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-        filmed = {name: sections[name] for name in CAMERAS}  # the file may say more, accuracy say
+        filmed = {name: sections[name] for name in CAMERAS}  # the file may have other sections, such as accuracy
         context.Process(target=film, args=(folder, filmed, robot, seed, self._boot_s, orders), daemon=True).start()
         orders.close()
         self._films.recv()
-        # Before the thread, which inherits it: cameras that hear late of the first step still show the LED dark.
+        # Before the thread, which inherits it: cameras that learn of the first step late still show the LED dark.
         ask_for_real_time(PRIORITY)
         threading.Thread(target=self._direct, name="films", daemon=True).start()
 
     def now_s(self) -> float:
-        """The devices' own time."""
+        """The devices' time."""
         return time.monotonic() - self._boot_s
 
     def step(self) -> None:
-        """Wait a moment for lines, obey them, and let the watchdogs look."""
+        """Wait briefly for lines, obey them, and run the watchdogs."""
         by_file = {port.master: name for name, port in self.ports.items() if port.master is not None}
         ready, _, _ = select.select(list(by_file), [], [], TICK_S)
         for file in ready:
@@ -81,7 +81,7 @@ class Trackway:
         self._look()
 
     def cable(self, order: str, name: str) -> None:
-        """``pull`` or ``plug`` that of a device."""
+        """``pull`` or ``plug`` a device's cable."""
         if name in self.ports:
             getattr(self.ports[name], order)()
         else:
@@ -101,8 +101,8 @@ class Trackway:
     def _look(self) -> None:
         was_moving, was_blowing = self.legs.moving, self.bed.level > 0
         for name, device in (("legs", self.legs), ("bed", self.bed)):
-            for said in device.tick(self.now_s()):
-                self.ports[name].say(partial(bytes, said))
+            for message in device.tick(self.now_s()):
+                self.ports[name].say(partial(bytes, message))
         if was_moving and not self.legs.moving:
             print(f"legs: at rest by themselves {self.now_s() - self.legs.silence_s:.3f} s after the last set-point")
         if was_blowing and not self.bed.level:
@@ -111,7 +111,7 @@ class Trackway:
         self._rest(was_moving)
 
     def _direct(self) -> None:
-        # In a thread: cameras that are slow to draw fill the pipe, and no leg may wait for it.
+        # In a thread: slow rendering fills the pipe, which must not delay the legs.
         while True:
             self._films.send(self._orders.get())
 

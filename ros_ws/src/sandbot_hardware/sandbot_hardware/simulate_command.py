@@ -1,7 +1,7 @@
-"""simulate FOLDER: the four devices on pseudo-terminals FOLDER/bed, legs, dorsal and lateral, to try the drivers on.
+"""simulate FOLDER: the four devices on pseudo-terminals FOLDER/bed, legs, dorsal and lateral, to test drivers on.
 
-Behind them are the virtual lab's bed, robot and cameras. Lines on standard input pull a cable (`pull legs`) and put it
-back (`plug legs`); what the devices do by themselves is printed.
+They are connected to the virtual lab's bed, robot and cameras. Lines on standard input unplug a cable (`pull legs`) and
+plug it back in (`plug legs`); what the devices do by themselves is printed.
 """
 
 import argparse
@@ -27,12 +27,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _simulate(argv: Sequence[str]) -> int:
     parser = cli.Parser(prog="simulate", description=__doc__)
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where the terminals' names are put")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where the terminals appear")
     parser.add_argument("--cameras", type=Path, help="cameras.yaml; default: the project's own")
     parser.add_argument("--robot", type=Path, help="robot.yaml; default: SandBot")
-    parser.add_argument("--seed", type=int, default=1, help="chance of bed and cameras")
+    parser.add_argument("--seed", type=int, default=1, help="random seed of bed and cameras")
     parser.add_argument(
-        "--lease", type=float, default=0.24, metavar="S", help="legs rest when told nothing for so long"
+        "--lease", type=float, default=0.24, metavar="S", help="time without a set-point after which the legs rest"
     )
     parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on; default: the bed's own")
     options: argparse.Namespace = parser.parse_args(argv)
@@ -42,7 +42,7 @@ def _simulate(argv: Sequence[str]) -> int:
         raise InputError(f"--lease {options.lease}: a time above 0 s")
     if options.phi != 0 and not PHI_LOW <= options.phi <= PHI_HIGH:
         raise InputError(f"--phi {options.phi}: {PHI_LOW} to {PHI_HIGH}, or 0 for the bed's own")
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only once the options are parsed, so that --help and errors are quick.
     from sandbot_hardware.simulate import PORTS, Trackway, obey
 
     robot = read_robot(options.robot) if options.robot else SANDBOT

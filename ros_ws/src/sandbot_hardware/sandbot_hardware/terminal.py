@@ -15,7 +15,7 @@ _QUEUED = 400
 
 
 class Terminal:
-    """One pseudo-terminal under a name; written in a thread of its own, for a host may be slow to read."""
+    """One pseudo-terminal under a name; written to in its own thread, as a host may be slow to read."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -33,7 +33,7 @@ class Terminal:
             return
         master, slave = os.openpty()
         tty.setraw(slave)
-        # Our own hold on the other end: the terminal stays while no driver has it open.
+        # We keep the other end open, so that the terminal persists while no driver has it open.
         self._slave = slave
         new = self._path.with_suffix(".new")
         new.unlink(missing_ok=True)
@@ -42,7 +42,7 @@ class Terminal:
         self.master = master
 
     def pull(self) -> None:
-        """Pull the cable out: whoever has it open reads its end."""
+        """Unplug the cable: a driver that has it open reads end of file."""
         if self.master is None:
             return
         self._path.unlink(missing_ok=True)
@@ -51,14 +51,14 @@ class Terminal:
         if self._slave is not None:
             os.close(self._slave)
 
-    def say(self, made: Callable[[], bytes]) -> None:
-        """Send soon; what takes long to make is made in the terminal's own thread."""
-        self._waiting.append(made)
+    def say(self, make: Callable[[], bytes]) -> None:
+        """Send soon; ``make`` builds the message in the terminal's own thread, and may be slow."""
+        self._waiting.append(make)
         self._news.set()
 
     @property
     def idle(self) -> bool:
-        """Whether everything has gone out."""
+        """Whether everything has been sent."""
         return not self._waiting
 
     def _send(self) -> None:

@@ -1,7 +1,7 @@
-"""The virtual fluidised bed: an air blower in, the height of the bed out, its true volume fraction kept.
+"""The virtual fluidised bed: blower level in, height of the bed out; its true volume fraction is hidden.
 
-Fluidise and let the air go: φ = 0.580. Each short pulse packs towards 0.633 by a random amount, so a target can be
-overshot (Li09: 0.1 s pulses). Height = M/(ρ A φ).
+After fluidisation φ = 0.580. Each short pulse packs towards 0.633 by a random amount, so a target can be overshot
+(Li09: 0.1 s pulses). Height = M/(ρ A φ).
 """
 
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ class BedParameters:
 
 
 class LabBed:
-    """A bed with its blower and height sensor; all chance comes from ``seed``."""
+    """A bed with its blower and height sensor; all randomness comes from ``seed``."""
 
     def __init__(self, seed: int, phi: float | None = None) -> None:
         """The bed as the last trial left it: at ``phi``, by default somewhere between loose and close."""
         self.parameters = BedParameters()
-        # The sensor draws from a stream of its own: how often it is read must not change how the grains pack.
+        # The sensor has its own random stream: how often it is read must not change how the grains pack.
         self._rng, self._sensor = (np.random.default_rng([seed, 0xBED, stream]) for stream in range(2))
         p = self.parameters
         self._phi = float(self._rng.uniform(p.phi_loose, p.phi_close)) if phi is None else phi
@@ -43,7 +43,7 @@ class LabBed:
 
     @property
     def phi(self) -> float:
-        """The true volume fraction. Only the lab may look."""
+        """The true volume fraction, for the lab only."""
         return self._phi
 
     @property
@@ -68,14 +68,14 @@ class LabBed:
             self._blown_s += dt_s
 
     def read_height_m(self) -> float:
-        """One reading of the height sensor; a fluidised bed stands a little higher and its surface bubbles."""
+        """One reading of the height sensor; a fluidised bed is a little higher and its surface bubbles."""
         fluid = self._level if self._blown_s > self.parameters.fluidise_s else 0.0
         bubbles = 0.002 * fluid * self._sensor.standard_normal()
         noise = self.parameters.sensor_sd_m * self._sensor.standard_normal()
         return float(self.height_m + 0.004 * fluid + bubbles + noise)
 
     def _settle_if_over(self, level: float) -> None:
-        """What the air has done shows when it stops."""
+        """Change φ when the air stops: by fluidisation or by a pulse."""
         if level > 0.0 or self._blown_s == 0.0:
             return
         p = self.parameters

@@ -1,4 +1,4 @@
-"""The lab's own reading of cameras.yaml: trackway to pixels. (The tracker has its own code for the way back.)"""
+"""The lab's own camera model from cameras.yaml: trackway to pixels. (The tracker has its own code for the inverse.)"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class Calibration:
 
     @property
     def plane_offset_m(self) -> float:
-        """Coordinate of the markers' plane along its normal."""
+        """Offset of the markers' plane along its normal."""
         return float(self.plane["offset_m"])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The two virtual cameras: what they see of the robot on the grains, as 8-bit grey frames.
+"""The two virtual cameras: images of the robot on the grains, as 8-bit grey frames.
 
 A frame is the mean over the exposure, stamped at its middle. The dorsal camera sees one reflective disc (`com`) on the
 robot's top, which rises with the body; the lateral one sees two, on the front and the rear axle.
@@ -46,7 +46,7 @@ class Motion(Protocol):
 
     @property
     def x_m(self) -> Floats:
-        """Place of the com along the track."""
+        """Position of the com along the track."""
 
     @property
     def z_m(self) -> Floats:
@@ -62,7 +62,7 @@ class Motion(Protocol):
 
 
 class LabCamera:
-    """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
+    """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all randomness comes from ``seed``."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class LabCamera:
         *,
         body: bool = True,
     ) -> None:
-        """``camera``: its section of cameras.yaml; ``robot``: where its markers are. ``body``: draw it dark."""
+        """``camera``: its section of cameras.yaml; ``robot`` gives the marker positions; ``body``: draw a dark body."""
         if name not in _NORMAL:
             raise InputError(f"camera: {name!r} is not dorsal or lateral")
         self.name = name
@@ -103,7 +103,7 @@ class LabCamera:
         """A frame (height, width) of the robot with its com at x, its axles at height z, nose-up pitch.
 
         Arrays are the moments of the exposure, of which the frame is the mean. ``legs_rad`` are the shaft angles of the
-        legs (legs,), amid the exposure; without them none are drawn.
+        legs (legs,) in the middle of the exposure; without them no legs are drawn.
         """
         x, z, pitch = np.broadcast_arrays(
             *(np.atleast_1d(np.asarray(value, np.float64)) for value in (x_m, z_m, pitch_rad))
@@ -136,15 +136,15 @@ class LabCamera:
         return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on, legs, t_s)
 
     def instant_s(self, number: int) -> float:
-        """When a frame is taken, from the first on, which may have some before it."""
+        """When a frame is taken, relative to frame 0; numbers may be negative."""
         return self._spoiler.instant_s(number, self.calibration.frame_rate_hz)
 
     def comes(self, number: int) -> int:
-        """How often a frame is sent: once, if nothing spoils the film."""
+        """How many times a frame is sent: once unless ``film`` drops or doubles it."""
         return self._spoiler.comes(number)
 
     def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
-        """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
+        """Positions (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
         offset = self.calibration.plane_offset_m
         if self.name == "dorsal":
             return (np.stack((x_m, np.zeros_like(x_m), offset + z_m - self._robot.axle_height_m), axis=-1),)
@@ -169,7 +169,7 @@ class LabCamera:
 
 
 def check_cameras(sections: Mapping[str, Any], where: str) -> None:
-    """Raise InputError, opened by ``where``, unless both cameras are there and can film."""
+    """Raise InputError, opened by ``where``, unless both cameras are present and valid."""
     for name in _NORMAL:
         if not isinstance(sections.get(name), Mapping):
             raise InputError(f"{where}: no {name!r} camera in it")
@@ -180,7 +180,7 @@ def check_cameras(sections: Mapping[str, Any], where: str) -> None:
 
 
 def _ground(rows: int, columns: int, rng: np.random.Generator) -> Frame:
-    """Grains as they lie, with a few dim glints; lower by the pedestal that the noise tile carries."""
+    """A picture of the grains with a few dim glints, less the pedestal that the noise tile adds."""
     frame = _window(_grain_tile(rows + _SLACK[0], columns + _SLACK[1]), rows, columns, rng).copy()
     for _ in range(GLINTS):
         u, v = rng.uniform(0, columns, 1), rng.uniform(0, rows, 1)
@@ -189,7 +189,7 @@ def _ground(rows: int, columns: int, rng: np.random.Generator) -> Frame:
 
 
 def _window(tile: Frame, rows: int, columns: int, rng: np.random.Generator) -> Frame:
-    """A view of the tile at a random place, which is far faster than drawing new chance for every pixel."""
+    """A random window of the tile, which is far faster than drawing random numbers for every pixel."""
     row, column = rng.integers(0, _SLACK[0]), rng.integers(0, _SLACK[1])
     return tile[row : row + rows, column : column + columns]
 

@@ -1,4 +1,4 @@
-"""Trials read straight from the truth, without video: rows of the trials table, for blind benchmarks.
+"""Trials read directly from the simulated motion, without video: rows of the trials table, for blind benchmarks.
 
 The readings are those of docs/architecture.md with the errors of tracked video added.
 """
@@ -45,7 +45,7 @@ PERIODS = 4
 
 @dataclass(frozen=True)
 class ReadingErrors:
-    """Standard deviations of what tracked video adds to the truth, and of the height sensor's volume fraction."""
+    """Standard deviations of the measurement errors of tracked video, and of φ from the height sensor."""
 
     phi: float = 0.0003
     speed_m_s: float = 0.0003
@@ -68,11 +68,11 @@ def direct_trials(
 ) -> list[Row]:
     """One row (`COLUMNS`) for each φ × ω × replicate, always listed ω by ω; ``run_order`` says when each was run.
 
-    ``batches`` says what the trials of one batch have in common ("omega": one frequency a day); batches are run one
-    after the other, and ``order`` is that of the batches and of the trials within each (not given: as listed, and the
-    table does not say so). The true φ of a trial differs
-    from its level by the world's preparation error. Raises InputError for an unknown gait, order or kind of batch, a
-    frequency that isn't positive or a volume fraction no bed has.
+    ``batches`` says what the trials of one batch have in common ("omega": one frequency per day); batches are run one
+    after the other, and ``order`` is that of the batches and of the trials within each (None: as listed, with
+    ``run_order`` left out of the table). The true φ of a trial differs from its level by the world's preparation error.
+    Raises InputError for an unknown gait, order or kind of batch, a frequency that isn't positive or an impossible
+    volume fraction.
     """
     if replicates < 1 or not len(phis) or not len(omegas):
         raise InputError(f"trials: {len(phis)} phi x {len(omegas)} omega x {replicates}: at least one of each")
@@ -99,7 +99,7 @@ def direct_trial(
     occasion: Occasion,
     errors: ReadingErrors,
 ) -> Row:
-    """One row but for ``batch`` and ``run_order``, on an ``occasion`` whose own seed follows from the rest."""
+    """One row without ``batch`` and ``run_order``; its trial seed is derived from the arguments."""
     if not 0.0 < omega < 1000.0:
         raise InputError(f"omega_rad_s: {omega} is outside (0, 1000) rad/s")
     t_s = np.arange(ceil(max(SHORTEST_S, PERIODS * 2 * pi / omega) * RATE_HZ) + 1) / RATE_HZ
@@ -107,10 +107,10 @@ def direct_trial(
     # Independent of the order and number of the other trials.
     rng = np.random.default_rng([seed, round(level * 1e6), round(omega * 1e3), replicate])
     phi = level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal())
-    chances = int(rng.integers(2**62))
-    occasion = replace(occasion, trial_seed=chances)
-    trace = simulate(world.at(occasion), phi - world.week.phi_zero, t_s, angles, rates, seed=chances)
-    seen = _as_read(readings(trace, world.body.leg_mount_rad), world, occasion)
+    trial_seed = int(rng.integers(2**62))
+    occasion = replace(occasion, trial_seed=trial_seed)
+    trace = simulate(world.at(occasion), phi - world.week.phi_zero, t_s, angles, rates, seed=trial_seed)
+    biased = _with_bias(readings(trace, world.body.leg_mount_rad), world, occasion)
     return {
         "trial_id": f"phi{level:.3f}_omega{omega:g}_{replicate}",
         "phi": phi + errors.phi * float(rng.standard_normal()),
@@ -118,7 +118,7 @@ def direct_trial(
         "omega_rad_s": float(omega),
         "gait": gait,
         "replicate": replicate,
-        **_read(seen, errors, rng),
+        **_with_noise(biased, errors, rng),
         "status": "ok",
     }
 
@@ -137,7 +137,7 @@ def _batch(kind: str, omega: float, phi: float, replicate: int) -> str:
 
 
 def _run_order(batch: Sequence[str], order: str, seed: int) -> list[int]:
-    """The place (from 0) at which each listed trial is run."""
+    """The position (from 0) of each listed trial in the run order."""
     if order not in ORDERS:
         raise InputError(f"order: {order!r} is not one of {', '.join(ORDERS)}")
     rng = np.random.default_rng([seed, 0x0DE12])
@@ -151,7 +151,7 @@ def _run_order(batch: Sequence[str], order: str, seed: int) -> list[int]:
 
 @dataclass(frozen=True)
 class Readings:
-    """The four observables of one trial (docs/architecture.md); NaN where the trial is too short for one."""
+    """The four observables of one trial (docs/architecture.md); NaN where the trial is too short."""
 
     speed_m_s: float
     lift_m: float
@@ -160,10 +160,10 @@ class Readings:
 
 
 def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
-    """Speed over whole periods after the first, median rise a step, median peak a period, advance in the first step.
+    """Speed over whole periods after the first, median rise per step, median peak per period, first step's advance.
 
-    A step ends where the mean angle of the legs as they really turn is a multiple of π: then both tripods are equally
-    far from straight below. The first is the one to whose beginning the start is nearest.
+    A step ends where the mean actual angle of the legs is a multiple of π: then both tripods are equally far from
+    straight below. The first step is the one whose beginning is nearest to the start.
     """
     turned = (trace.leg_angle_rad.mean(axis=1) + leg_mount_rad) / pi
     begun = round(turned[0])
@@ -183,14 +183,14 @@ def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
     )
 
 
-def _as_read(truth: Readings, world: World, occasion: Occasion) -> Readings:
-    """What instruments that are off their zero or their scale make of the truth."""
-    off = world.week.scale_off(occasion)
+def _with_bias(truth: Readings, world: World, occasion: Occasion) -> Readings:
+    """The readings of instruments with an offset and a scale error."""
+    off = world.week.scale_error(occasion)
     along = {name: seen_x_m(getattr(truth, name), 0.0, off) for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")}
     return Readings(**along, lift_m=truth.lift_m + world.week.lift_offset_m(occasion))
 
 
-def _read(truth: Readings, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
+def _with_noise(truth: Readings, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
     chance = rng.standard_normal(4).tolist()
     return {
         "speed_m_s": truth.speed_m_s + errors.speed_m_s * chance[0],
@@ -207,6 +207,6 @@ def _at(trace: Trace, values: Floats, t_s: float) -> float:
 
 
 def _largest(trace: Trace, values: Floats, edges_s: Floats) -> float:
-    """Median over pieces (steps or periods) between edges [s] of the largest value in each."""
+    """Median over the intervals (steps or periods) between edges [s] of the largest value in each."""
     edges = np.searchsorted(trace.t_s, edges_s)
     return float(np.median([values[low:high].max() for low, high in itertools.pairwise(edges)]))

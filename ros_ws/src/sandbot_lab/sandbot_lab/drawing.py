@@ -1,4 +1,4 @@
-"""Compiled drawing on grey images: anti-aliased discs and boxes, smeared over the exposure."""
+"""Compiled drawing on grey images: anti-aliased discs and boxes with motion blur over the exposure."""
 
 from math import ceil, floor, hypot
 from typing import Any
@@ -24,7 +24,7 @@ def draw_disc(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
         for column in range(left, right + 1):
             covered = 0.0
             for i in range(u.size):
-                # A pixel is one unit wide: the rim passes from full to none over that width.
+                # Coverage falls from 1 to 0 across the rim over one pixel.
                 covered += _clipped(radius + 0.5 - hypot(column - u[i], row - v[i]), 0.0, 1.0)
             covered /= u.size
             level = image[row, column]
@@ -33,9 +33,9 @@ def draw_disc(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
 
 @jit
 def _cover(low: Any, high: Any, first: int, count: int) -> Any:
-    """Part of each of ``count`` pixels from ``first`` that lies between low and high, averaged over the exposure.
+    """Fraction of each of ``count`` pixels from ``first`` between low and high, averaged over the exposure.
 
-    What lies wholly outside the picture has no pixel: ``count`` is then not above 0.
+    For a box wholly outside the picture ``count`` is not above 0.
     """
     covered = np.zeros(max(count, 0))
     for pixel in range(covered.size):
@@ -57,7 +57,7 @@ def draw_box(image: Any, left: Any, right: Any, top: Any, bottom: Any, grey: flo
     down = _cover(top, bottom, first_row, last_row + 1 - first_row)
     for row in range(down.size):
         for column in range(across.size):
-            # Rows and columns are smeared each for itself: exact where only one of them moves.
+            # Rows and columns are blurred separately: exact if the box moves along only one of them.
             covered = down[row] * across[column]
             level = image[first_row + row, first_column + column]
             image[first_row + row, first_column + column] = int(level + covered * (grey - level) + 0.5)

@@ -1,8 +1,8 @@
 """The physical effects a world may contain: identifier, parameters with unit and bounds, and where each one acts.
 
-``EFFECTS`` is the only list: the world file is checked against it and the kernel's flat parameter record is built from
-it (`sandbot_lab.physics`). Identifiers that begin with ``x_`` are outside the published catalogue: a tool that names
-effects must answer "unexplained" to them.
+``EFFECTS`` is the single source: the world file is checked against it and the kernel's flat parameter record is built
+from it (`sandbot_lab.physics`). Identifiers that begin with ``x_`` are outside the published catalogue: for them a
+discovery tool must answer "unexplained".
 """
 
 from dataclasses import dataclass
@@ -80,7 +80,7 @@ EFFECTS: dict[str, Effect] = {
         "the middle leg of a tripod carries m (1 + x), the outer ones m (1 - x/2); it decides when the ground holds",
         (P("x", 0.05, 0.0, 0.5, "", "excess load of the middle leg"),),
     ),
-    # balance of force at the moment the ground takes hold
+    # force balance at the moment the ground takes hold
     "exact_vertical_acceleration": Effect(
         "only the vertical component of the velocity the leg imparts has to be supported (Li09, full model)"
     ),
@@ -187,7 +187,7 @@ DRAWN = (
     "swimming_thrust",
     "leg_slip",
 )
-"""What `draw_world` draws among by default."""
+"""The effects among which `draw_world` draws by default."""
 
 
 def checked_effect(name: object, given: object, where: str) -> dict[str, float]:

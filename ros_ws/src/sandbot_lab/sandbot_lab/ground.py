@@ -1,4 +1,4 @@
-"""The ground: strength and surface at a place on the track, its memory of feet, and its force on a leg.
+"""The ground: strength and surface at a place on the track, its memory of footholds, and its force on a leg.
 
 Compiled functions on the records of `sandbot_lab.physics`; `TrackGround` wraps them for use outside the kernel.
 """
@@ -23,10 +23,10 @@ FLAT_PLATE = A00 + A10 + B11 + B01 + B_11
 
 @jit
 def overlap(p: Any, s: Any, x: float) -> float:
-    """How much of a foot's print at x lies on disturbed stretches, 0 to 1.
+    """Fraction of a footprint at x that lies on disturbed ground, 0 to 1.
 
-    A print of half length a meets a stretch of half length b = s_c R - a about each earlier foothold: 0 from a distance
-    of s_c R, 1 from (s_c - 0.1) R with a = 0.05 R.
+    Each earlier foothold has disturbed a stretch of half length b = s_c R - a, where a = 0.05 R is the half length of a
+    print: the overlap is 0 beyond a distance of s_c R, and 1 within (s_c - 0.1) R.
     """
     foot = FOOT * p.radius
     stretch = p.s_c * p.radius - foot
@@ -48,7 +48,7 @@ def strength(p: Any, s: Any, x: float, k: float) -> float:
 
 @jit
 def surface(p: Any, s: Any, x: float, t: float) -> float:
-    """Height of the surface at x: 0, or the deepest crater not yet refilled."""
+    """Height of the surface at x: 0, or that of the deepest crater not yet refilled."""
     lowest = 0.0
     if p.crater_refill:
         for i in range(min(s.feet, s.foot_x.size)):
@@ -69,7 +69,7 @@ def disturb(s: Any, x: float, t: float) -> None:
 def arc_ends(p: Any, theta: float, depth: float) -> tuple[float, float]:
     """The submerged arc, as angles from the centre of curvature's downward vertical, forward positive.
 
-    The surface cuts the circle at both sides alike; in front the leg may end before: its tip lies beyond the point
+    The surface cuts the circle symmetrically, but in front the leg's tip may come first: it lies beyond the point
     opposite the hip (-theta) by the excess of the arc over a half circle.
     """
     wetted = acos(min(max(1.0 - depth / p.radius, -1.0), 1.0))
@@ -149,7 +149,7 @@ def force(p: Any, s: Any, theta: float, rate: float, x: float, z: float, t: floa
 
 
 class TrackGround:
-    """What a leg meets along the track, for the penetrometer and for tests."""
+    """The ground along the track, for the penetrometer and for tests."""
 
     def __init__(self, physics: NDArray[Any], state: NDArray[Any]) -> None:
         """Takes the records of one trial, shape (1,) each; ``disturb`` writes into ``state``."""

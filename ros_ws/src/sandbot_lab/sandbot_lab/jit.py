@@ -11,16 +11,16 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def jit(function: F) -> F:
-    """Compile without the interpreter and keep the result beside the source."""
+    """Compile in nopython mode and cache the result on disk."""
     compiled: F = numba.njit(cache=True)(function)
     return compiled
 
 
 def fingerprint() -> str:
-    """Changes with the source of any compiled module.
+    """A field name that changes with the source of any compiled module.
 
-    numba's cache looks at the entry point's own file only: an edit to a function it calls would go unseen. A record
-    field named by this fingerprint makes it part of the entry point's signature.
+    numba's cache checks only the entry point's own file: an edit to a function it calls would go unnoticed. A record
+    field with this name makes the fingerprint part of the entry point's signature.
     """
     sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
     digest = hashlib.sha256(b"".join(source for source in sources if b"\n@jit\n" in source))

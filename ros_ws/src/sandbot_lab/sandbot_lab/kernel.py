@@ -1,8 +1,8 @@
-"""The time step: all leg angles in, the body carried along.
+"""The time step: leg angles in, body motion out.
 
 The body rests (or slides, or swims) with its belly on the surface while legs sweep down. In each small step the
-earliest of three things is located and done: the ground *takes hold* of a sweeping tripod, a sweeping tripod *passes
-its lowest point* without that (the robot swims), the body *comes down* at the end of a hold.
+earliest of three events is located and carried out: the ground *takes hold* of a sweeping tripod, a sweeping tripod
+*passes its lowest point* without that (the robot swims), the body *comes down* at the end of a hold.
 """
 
 from math import acos, ceil, cos, pi, sin
@@ -25,7 +25,7 @@ from sandbot_lab.stance import (
 SUB_STEP = 0.5e-3  # longest step [s]
 BISECTIONS = 24
 ROUNDING_S = 1e-12
-JUST_PAST = 1e-9  # rounding may carry a leg this far past its lowest point before that is noticed [rad]
+JUST_PAST = 1e-9  # rounding may carry a leg this far past its lowest point before it is detected [rad]
 REST, HOLD, SWIM = 0, 1, 2
 IDLE, SEARCHING, DONE = 0, 1, 2  # a tripod's sweep
 NOTHING, GRIP, BOTTOM, TOUCHDOWN = 0, 1, 2, 3
@@ -57,7 +57,7 @@ def tripod_rate(p: Any, s: Any, tripod: int) -> float:
 
 @jit
 def margin(p: Any, s: Any, tripod: int, fraction: float, dt: float) -> float:
-    """Force of the ground less the load it must bear, when a fraction of the step dt has passed."""
+    """Force of the ground minus the load it must bear, after a fraction of the step dt."""
     theta = wrapped(tripod_angle(p, s, tripod) + fraction * dt * tripod_rate(p, s, tripod))
     rate = tripod_rate(p, s, tripod)
     x, z = s.x + s.v * fraction * dt, s.z
@@ -69,7 +69,7 @@ def margin(p: Any, s: Any, tripod: int, fraction: float, dt: float) -> float:
 
 @jit
 def grip_time(p: Any, s: Any, tripod: int, dt: float) -> float:
-    """When within dt the ground takes hold of a searching tripod; beyond dt if it does not."""
+    """Time within dt at which the ground takes hold of a searching tripod; beyond dt if it does not."""
     start = wrapped(tripod_angle(p, s, tripod))
     rate = tripod_rate(p, s, tripod)
     if s.sweep[tripod] != SEARCHING or rate <= 0.0 or start >= 0.0:
@@ -92,7 +92,7 @@ def grip_time(p: Any, s: Any, tripod: int, dt: float) -> float:
 
 @jit
 def bottom_time(p: Any, s: Any, tripod: int, dt: float) -> float:
-    """When within dt a searching tripod passes its lowest point; beyond dt if it does not."""
+    """Time within dt at which a searching tripod passes its lowest point; beyond dt if it does not."""
     theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     if s.sweep[tripod] != SEARCHING or rate <= 0.0 or theta > JUST_PAST:
         return 2.0 * dt
@@ -101,7 +101,7 @@ def bottom_time(p: Any, s: Any, tripod: int, dt: float) -> float:
 
 @jit
 def touchdown_time(p: Any, s: Any, dt: float) -> float:
-    """When within dt the held body is down again; beyond dt if it is not."""
+    """Time within dt at which the held body is down again; beyond dt if it is not."""
     theta, rate = wrapped(tripod_angle(p, s, s.tripod)), tripod_rate(p, s, s.tripod)
     if s.mode != HOLD or rate == 0.0:
         return 2.0 * dt
@@ -111,7 +111,7 @@ def touchdown_time(p: Any, s: Any, dt: float) -> float:
 
 @jit
 def move(p: Any, s: Any, dt: float) -> None:
-    """Carry legs and body on by dt, within which nothing happens."""
+    """Advance legs and body by dt, in which no event occurs."""
     for leg in range(2 * p.tripod):
         s.angle[leg] += s.rate[leg] * dt
         s.turned += s.rate[leg] * dt / (2 * p.tripod)
@@ -135,7 +135,7 @@ def move(p: Any, s: Any, dt: float) -> None:
 
 @jit
 def take_hold(p: Any, s: Any, tripod: int) -> None:
-    """The tripod's leg centres stand still in the ground from now on."""
+    """Begin a hold: the tripod's leg centres are fixed in the ground from now on."""
     theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     depth = p.radius * (1.0 + cos(theta)) - s.z
     foot_x = s.x - p.radius * sin(theta)
@@ -144,7 +144,7 @@ def take_hold(p: Any, s: Any, tripod: int) -> None:
         s.pace = (foot_x - last_x) / max(s.t - s.grip_t, 1e-6)
     disturb(s, foot_x, s.t)
     s.grip_t = s.t
-    s.bottom_t = 0.0  # strokes that follow a hold are counted anew
+    s.bottom_t = 0.0  # the first stroke after a hold has no predecessor
     s.steps += 1
     s.sweep[tripod] = DONE
     s.mode, s.tripod = HOLD, tripod
@@ -158,13 +158,13 @@ def take_hold(p: Any, s: Any, tripod: int) -> None:
 
 @jit
 def pass_bottom(p: Any, s: Any, tripod: int) -> None:
-    """The sweep is over and the ground never held."""
+    """End a sweep in which the ground never held."""
     s.sweep[tripod] = DONE
     if s.mode == HOLD:  # the other tripod carries the body
         return
     mean_rate = 0.5 * (tripod_rate(p, s, 0) + tripod_rate(p, s, 1))
     since = s.t - s.bottom_t
-    # Tripods in step pass it at once: nothing is between them.
+    # If the tripods move in step they pass it simultaneously, with no time in between.
     s.stroke_rate = pi / since if s.bottom_t > 0.0 and since > ROUNDING_S else mean_rate
     s.bottom_t = s.t
     disturb(s, s.x, s.t)
@@ -176,15 +176,15 @@ def pass_bottom(p: Any, s: Any, tripod: int) -> None:
 
 @jit
 def come_down(p: Any, s: Any) -> None:
-    """The belly is on the surface again."""
+    """End a hold: the belly is on the surface again."""
     s.mode = REST
     s.z = p.height
     s.v = touchdown_speed(p, s, wrapped(tripod_angle(p, s, s.tripod))) if p.belly_coast else 0.0
 
 
 @jit
-def look_out(p: Any, s: Any) -> None:
-    """A tripod that has come forward of its lowest point begins a new sweep; one past it has ended its own."""
+def update_sweeps(p: Any, s: Any) -> None:
+    """Begin a sweep for a tripod that is ahead of its lowest point; end that of a tripod past it."""
     for tripod in range(2):
         theta = wrapped(tripod_angle(p, s, tripod))
         ahead = -0.5 * pi <= theta < 0.0
@@ -198,39 +198,38 @@ def look_out(p: Any, s: Any) -> None:
 
 @jit
 def sub_step(p: Any, s: Any, dt: float) -> None:
-    """One small step with everything that happens in it, in order."""
-    left = dt
+    """One small step with all its events in order."""
+    remaining = dt
     for _ in range(8):
-        look_out(p, s)
-        first, what, who = left, NOTHING, 0
+        update_sweeps(p, s)
+        first, event, which = remaining, NOTHING, 0
         for tripod in range(2):
-            when = grip_time(p, s, tripod, left)
+            when = grip_time(p, s, tripod, remaining)
             if when <= first:
-                first, what, who = when, GRIP, tripod
-            when = bottom_time(p, s, tripod, left)
-            if when < first or (when == first and what == NOTHING):
-                first, what, who = when, BOTTOM, tripod
-        when = touchdown_time(p, s, left)
-        if when < first or (when == first and what == NOTHING):
-            first, what = when, TOUCHDOWN
+                first, event, which = when, GRIP, tripod
+            when = bottom_time(p, s, tripod, remaining)
+            if when < first or (when == first and event == NOTHING):
+                first, event, which = when, BOTTOM, tripod
+        when = touchdown_time(p, s, remaining)
+        if when < first or (when == first and event == NOTHING):
+            first, event = when, TOUCHDOWN
         move(p, s, first)
-        left -= first
-        if what == GRIP:
-            take_hold(p, s, who)
-        elif what == BOTTOM:
-            pass_bottom(p, s, who)
-        elif what == TOUCHDOWN:
+        remaining -= first
+        if event == GRIP:
+            take_hold(p, s, which)
+        elif event == BOTTOM:
+            pass_bottom(p, s, which)
+        elif event == TOUCHDOWN:
             come_down(p, s)
-        if left <= 0.0:
+        if remaining <= 0.0:
             return
-    move(p, s, left)
+    move(p, s, remaining)
 
 
 @jit
 def switch_time(mean: float, before: float, after: float, span: float) -> float:
-    """When within span a leg's rate changes from one set-point's to the next one's, that it come to the mean.
-
-    0 where no such moment is: the leg then turns at the mean rate.
+    """Time within span at which a leg must switch from one set-point's rate to the next one's to turn at ``mean``
+    on average; 0 if there is none, and the leg then turns at the mean rate.
     """
     if before == after:
         return 0.0
@@ -240,7 +239,7 @@ def switch_time(mean: float, before: float, after: float, span: float) -> float:
 
 @jit
 def turn(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
-    """Carry the state on by span to the next set-point; a clock that changes from slow to fast does so at a moment."""
+    """Advance the state by span to the next set-point; changes between slow and fast phase are instantaneous."""
     note_switches(p, s, span, angles, rates)
     done = 0.0
     while done < span - ROUNDING_S:
@@ -263,7 +262,7 @@ def turn(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
 
 @jit
 def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
-    """Carry the state on to time t, where the set-points are ``angles`` and ``rates``; the first call only sets out."""
+    """Advance the state to time t with set-points ``angles`` and ``rates``; the first call only sets the start."""
     if not s.started:
         s.started, s.t = True, t
         for leg in range(2 * p.tripod):
@@ -280,7 +279,7 @@ def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
 
 @jit
 def observe(p: Any, s: Any, out: Any) -> None:
-    """Write what can be seen of the state into out: x, z, v_x, mode, tripod, then angle, rate, effort of all legs."""
+    """Write the observable state into out: x, z, v_x, mode, tripod, then angle, rate, effort of all legs."""
     first_step = p.first_step_offset * min(s.turned / pi, 1.0)
     moving = abs(tripod_rate(p, s, 0)) + abs(tripod_rate(p, s, 1)) > 1e-9
     out[0] = s.x + s.drift + first_step
@@ -300,7 +299,7 @@ def observe(p: Any, s: Any, out: Any) -> None:
 
 @jit
 def effort(p: Any, s: Any, tripod: int) -> float:
-    """Torque [N m] at the axle of one leg: ground force at its horizontal lever; legs in the air turn freely."""
+    """Torque [N m] at the axle of one leg: ground force times its horizontal lever arm; legs in the air turn freely."""
     theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     if s.mode == HOLD and s.tripod == tripod:
         return float(-load(p, s, theta, 0.0) * p.radius * sin(theta))
@@ -311,9 +310,9 @@ def effort(p: Any, s: Any, tripod: int) -> float:
 
 @jit
 def run(physics: Any, state: Any, t: Any, angles: Any, rates: Any, out: Any) -> None:
-    """Carry records of shape (1,) through set-points t (n,), angles and rates (n, legs); observe into (n, 5 + 3 legs).
+    """Run records of shape (1,) through set-points t (n,), angles and rates (n, legs); observe into (n, 5 + 3 legs).
 
-    One row at a time or all at once: the state is the same afterwards.
+    Calling it row by row or with all rows at once gives the same state.
     """
     p, s = physics[0], state[0]
     for i in range(t.size):

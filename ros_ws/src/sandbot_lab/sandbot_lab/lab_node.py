@@ -1,14 +1,14 @@
 """The virtual lab as a node: leg set-points and blower in; leg states, LED, bed height and both cameras out.
 
-A trial begins when the legs start after standing: the robot is back at the start on virgin ground of the bed's volume
-fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
+A trial begins when the legs start from rest: the robot is back at the start on virgin ground of the bed's volume
+fraction, and the LED flashes. Frames are taken in the robot's time, t0 + k / frame rate. No topic carries the truth.
 
-Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
-killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
-legs that two command, and obey neither, and legs that come in mid-gait: the first that they hear is of a walk more than
-a turn on. While legs move or air blows the lab has real-time priority where it is granted: no robot of metal waits for
-a CPU to stop. Frames have none while their readers are behind: each waits behind the set-points that have come, and for
-its readers, so that a machine too slow for two cameras shows them late, and loses none.
+Legs and air stop by themselves when their commands are late, as with a real driver: a killed or frozen clock or bed
+can't stop them. They then stay stopped until they have been told to rest or to be off; legs also until /lab/reset. The
+same holds for legs with two commanders, which obey neither, and for legs that join in mid-gait, whose first set-point
+is of a walk more than a turn on. While legs move or air blows the lab has real-time priority where permitted, as a real
+robot needs no CPU to stop. Frames have none while their readers are behind: each waits for the set-points received
+before it, and for its readers, so that a machine too slow for two cameras shows them late, but loses none.
 """
 
 import time
@@ -46,16 +46,16 @@ IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 A_TURN_RAD = 2 * np.pi
-"""Farther on, a walk has begun without legs that were told nothing yet: they would be thrown to where it is by now."""
+"""If the first set-point is farther on, the walk had begun before: the legs would jump to its present angle."""
 CAMERAS = ("dorsal", "lateral")
 PRIORITY = 1
-"""Below all who command."""
-ON_THEIR_WAY = 40
-"""Frames, of both cameras, that readers may not have taken: a fifth of the memory they share with the lab."""
+"""Below all nodes that command."""
+MAX_UNREAD = 40
+"""The most unread frames of both cameras together: a fifth of the memory that readers share with the lab."""
 KEEPING_UP = 6
-"""Frames unread from which readers are behind: the lab's priority would keep the CPU from them."""
+"""With more unread frames the readers are behind, and the lab's priority must not keep them from the CPU."""
 CLOCK, BED = "clock", "bed"
-"""Who commands legs and air: of those on this host the system tells when they are gone."""
+"""The nodes that command legs and air; if they run on this host, their end is detected at once."""
 
 
 class LabNode(Node):
@@ -77,7 +77,7 @@ class LabNode(Node):
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed: bool | None = None
-        """Whether legs stay at rest until they are told rest; None: they were told nothing yet."""
+        """Whether legs stay at rest until told to rest; None before the first set-point."""
         self._air_lapsed, self._blower = False, 0.0
         self._urgent, self._air_stops = False, 0
         self._partners, self._rivals = Partners(self), Rivals(self, topics.LEG_SETPOINTS)
@@ -88,7 +88,7 @@ class LabNode(Node):
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
         self._images = {name: node.publisher(self, view.image) for name, view in topics.VIEWS.items()}
-        self._window = Window(list(self._images.values()), ON_THEIR_WAY)
+        self._window = Window(list(self._images.values()), MAX_UNREAD)
         self._infos = {name: node.publisher(self, view.info) for name, view in topics.VIEWS.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
@@ -142,26 +142,26 @@ class LabNode(Node):
         if rivals := self._rivals.fault():
             self._refuse(rivals)
         elif self._obey(message):
-            # After the work: what this took is not the commander's silence.
+            # Renewed after the work, whose duration must not count as the commander's silence.
             self._legs.renew(time.monotonic())
 
     def _obey(self, message: JointState) -> bool:
-        """Whether legs do what they are told: who sends what is refused is as good as silent."""
+        """Obey a set-point, and return whether it was valid: a refused one does not renew the lease."""
         t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message, self._order)
         moving = bool(np.any(rates))
         began_before = moving and self._legs_lapsed is None and np.abs(angles).max() > A_TURN_RAD
         if self._legs_lapsed or began_before:
-            # Nothing goes on by itself: late commands of before the silence are no start.
+            # Nothing resumes by itself: late commands from before the silence must not start the legs.
             self._legs_lapsed = moving
             if moving:
-                self._refuse("legs are told to move before they have been told rest")
+                self._refuse("legs are told to move before they have been told to rest")
             return not moving
         self._legs_lapsed = False
         try:
             if moving and self._standing:
                 self._begin(t_ns)
             elif self._standing:
-                return True  # rest again: nothing moves, nor are there frames to take of the trial that is over
+                return True  # still at rest: nothing moves, and the last trial has no more frames
             self._standing = not moving
             if self._trial is not None:
                 self._advance(self._trial, t_ns, angles, rates)
@@ -173,7 +173,7 @@ class LabNode(Node):
 
     def _refuse(self, why: str) -> None:
         self._refused += 1
-        if not self._legs_lapsed or self._health.level < 2:  # why the legs were stopped says more
+        if not self._legs_lapsed or self._health.level < 2:  # the reason why the legs stopped takes precedence
             self._health.level, self._health.text = 1, f"set-point refused: {why}"
 
     def _begin(self, t_ns: int) -> None:
@@ -194,7 +194,7 @@ class LabNode(Node):
         self._film_soon()
 
     def _film_soon(self) -> None:
-        """Have the loop take a frame, if one is due and there is room for it, after what has come by now."""
+        """Have the loop take a frame, if one is due and there is room for it, after all pending messages."""
         if not self._filming and self._behind and self._window.open:
             self._filming = True
             call_soon(self, self._film)
@@ -210,7 +210,7 @@ class LabNode(Node):
 
     @property
     def _behind(self) -> bool:
-        """Whether frames of the trial wait to be taken."""
+        """Whether frames of the trial are due."""
         return self._trial is not None and self._trial.due
 
     def _publish_frame(self, name: str, t_ns: int, pixels: Any) -> None:
@@ -236,7 +236,7 @@ class LabNode(Node):
         if why := self._rivals.fault() or self._partners.lost(CLOCK, self._legs, "no set-point"):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
-                # By his time, for his clock may be ahead of this one, and this one may have been set meanwhile.
+                # In the commander's time, as its clock may be ahead of ours, and ours may have been changed since.
                 silent_ns = max(round((time.monotonic() - self._legs.renewed_s) * NANO), 1)
                 self._advance(self._trial, self._commanded_ns + silent_ns, self._held, np.zeros_like(self._held))
             self._alarm(f"legs stopped: {why}")
@@ -248,7 +248,7 @@ class LabNode(Node):
 
     def _on_blower(self, message: Float64) -> None:
         if self._air_lapsed and message.data != 0:
-            return  # as with the legs: nothing goes on by itself
+            return  # as with the legs: nothing resumes by itself
         self._air_lapsed = False
         if self._blower <= 0 < message.data:
             self._partners.begin(BED)
@@ -256,7 +256,7 @@ class LabNode(Node):
             self._blow(message.data)
             self._air.renew(time.monotonic())
         except InputError as error:
-            # Who sends no level that can be meant is as good as silent.
+            # An invalid level does not renew the lease.
             self._health.level, self._health.text = 1, str(error)
             if self._blower > 0:
                 self._end_air(str(error))
@@ -273,14 +273,14 @@ class LabNode(Node):
         self._blower = level
 
     def _pass_time(self) -> None:
-        # Air blows for as long as it does, wherever the system clock or simulated time is set.
+        # In monotonic time, however the system clock or simulated time is set.
         before_s, self._bed_s = self._bed_s, time.monotonic()
         self._bed.advance(self._bed_s - before_s)
 
     def _publish_height(self) -> None:
         self._pass_time()
         if not self._health.settled:
-            return  # another lab's bed has a height of its own
+            return  # another lab may be publishing its own bed's height
         self._height.publish(messages.range_(self._now_ns(), self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
 
     def _publish_idle(self) -> None:

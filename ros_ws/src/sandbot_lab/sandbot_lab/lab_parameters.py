@@ -1,4 +1,4 @@
-"""Parameters of the lab node, and its command line: both are there before ROS is."""
+"""Parameters of the lab node, and its command line; neither needs ROS loaded."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ class LabParameters:
     cameras: str = parameter("", doc="cameras file; empty: the project's own")
     robot: str = parameter(
         "",
-        doc="robot file; empty: SandBot. A robot that /trial tells goes before it, and one of the world's before both",
+        doc="robot file; empty: SandBot. A robot in /trial takes precedence over it, and one in the world over both",
     )
-    seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
-    trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
-    batch_seed: int = parameter(0, doc="chance that the next trial shares with its batch", low=0, high=2**62)
-    progress: float = parameter(0.0, doc="how far the campaign is at the next trial, 0 to 1", low=0.0, high=1e3)
+    seed: int = parameter(1, doc="random seed of the bed", low=0, high=2**62)
+    trial_seed: int = parameter(1, doc="random seed of the next trial", low=0, high=2**62)
+    batch_seed: int = parameter(0, doc="random seed that the next trial shares with its batch", low=0, high=2**62)
+    progress: float = parameter(0.0, doc="progress of the campaign at the next trial, 0 to 1", low=0.0, high=1e3)
     phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
     start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
     images: bool = parameter(True, doc="whether the cameras run")

@@ -53,7 +53,7 @@ def x_belly_suction(p: Any) -> float:
 
 @jit
 def advance_factor(p: Any, rate: float) -> float:
-    """All of them on advance."""
+    """Product of all factors on advance."""
     factor = 1.0
     if p.x_foot_clogging:
         factor *= x_foot_clogging(p, rate)
@@ -66,7 +66,7 @@ def advance_factor(p: Any, rate: float) -> float:
 
 @jit
 def strength_factor(p: Any, x: float, steps: int) -> float:
-    """All of them on strength."""
+    """Product of all factors on strength."""
     factor = 1.0
     if p.x_ageing:
         factor *= x_ageing(p, steps)

@@ -23,7 +23,7 @@ def press(
 ) -> list[dict[str, float]]:
     """One reading (``COLUMNS``) for each φ × depth; the bed misses each φ by the world's preparation error.
 
-    Raises InputError for a volume fraction no bed has, or a depth the leg can't reach with the belly at rest.
+    Raises InputError for an impossible volume fraction, or a depth the leg can't reach with the belly at rest.
     """
     if world.resistive:
         raise InputError("resistive: this ground creeps under a leg that is pressed slowly; it has no penetrometer")

@@ -1,6 +1,6 @@
 """The kernel's flat records: everything a trial's physics needs, and the state it changes.
 
-numba wants plain numbers. ``PHYSICS`` has, for each effect of the registry, a flag of its name and a field
+numba needs plain numbers. ``PHYSICS`` has, for each effect of the registry, a flag of the same name and a field
 ``<effect>_<parameter>`` for each of its parameters; ``STATE`` is the robot and the ground's memory of it.
 """
 
@@ -15,10 +15,10 @@ from sandbot_lab.jit import fingerprint
 from sandbot_lab.world import World
 
 SWEEPS = 512
-"""Sweeps of a leg for which local strength is drawn (it repeats after that)."""
+"""Number of leg sweeps for which a local strength is drawn (it repeats after that)."""
 
 FEET = 64
-"""Footholds the ground remembers: more than a swimming robot leaves within its own reach."""
+"""Footholds the ground remembers: more than a swimming robot leaves within its reach."""
 
 _EFFECT_FIELDS = [
     field
@@ -46,7 +46,7 @@ PHYSICS = np.dtype(
         ("k_disturbed", "f8"),
         ("s_c", "f8"),
         *_EFFECT_FIELDS,
-        # what this replicate was dealt
+        # the random offsets of this replicate
         *((name, "f8") for name in ("speed_offset", "lift_offset", "peak_offset", "first_step_offset")),
         (fingerprint(), "u1"),
     ]
@@ -60,10 +60,10 @@ STATE = np.dtype(
         ("set_rate", "f8", (2 * MAX_TRIPOD,)),
         # Where set-points last became faster, and where slower: angle, rate before and after; all 0 before they do.
         ("switch", "f8", (2 * MAX_TRIPOD, 2, 3)),
-        ("angle", "f8", (2 * MAX_TRIPOD,)),  # where the legs really are
+        ("angle", "f8", (2 * MAX_TRIPOD,)),  # actual leg angles
         ("rate", "f8", (2 * MAX_TRIPOD,)),
         ("turned", "f8"),  # mean rotation of all legs since the start
-        ("x", "f8"),  # axle, by the mechanism alone
+        ("x", "f8"),  # axle, from the mechanics alone, without replicate noise
         ("z", "f8"),
         ("v", "f8"),
         ("drift", "f8"),  # what replicate noise adds to x
@@ -93,7 +93,7 @@ STATE = np.dtype(
 
 
 def physics_record(world: World, phi: float, seed: int) -> NDArray[Any]:
-    """The ``PHYSICS`` record, shape (1,), of one trial at volume fraction ``phi``; all chance comes from ``seed``."""
+    """The ``PHYSICS`` record, shape (1,), of a trial at volume fraction ``phi``; all randomness comes from ``seed``."""
     rng = np.random.default_rng(seed)
     record = np.zeros(1, PHYSICS)
     for name, of_robot in _ROBOT.items():
@@ -104,14 +104,14 @@ def physics_record(world: World, phi: float, seed: int) -> NDArray[Any]:
         record[name] = True
         for key, value in values.items():
             record[f"{name}_{key}"] = value
-    _robots_own(record, world)
-    _replicate(record, world, rng)
-    _strengths(record, world, phi, rng)
+    _fill_from_robot(record, world)
+    _draw_replicate(record, world, rng)
+    _fill_strengths(record, world, phi, rng)
     return record
 
 
-def _robots_own(record: NDArray[Any], world: World) -> None:
-    """What an effect's parameter leaves to the robot by being 0."""
+def _fill_from_robot(record: NDArray[Any], world: World) -> None:
+    """Effect parameters that are 0 take the robot's value."""
     if not record["exact_leg_arc_tip_deg"]:
         record["exact_leg_arc_tip_deg"] = np.rad2deg(world.body.arc_excess_rad)
     if not record["finite_depth_bed_m"]:
@@ -125,15 +125,15 @@ def fresh_state(world: World, x_m: float) -> NDArray[Any]:
     return state
 
 
-def _replicate(record: NDArray[Any], world: World, rng: np.random.Generator) -> None:
-    noise, dealt = world.noise, rng.standard_normal(4)
+def _draw_replicate(record: NDArray[Any], world: World, rng: np.random.Generator) -> None:
+    noise, drawn = world.noise, rng.standard_normal(4)
     scales = (noise.speed_sd_m_s, noise.lift_sd_m, noise.peak_sd, noise.first_step_sd_m)
     names = ("speed_offset", "lift_offset", "peak_offset", "first_step_offset")
-    for name, scale, value in zip(names, scales, dealt, strict=True):
+    for name, scale, value in zip(names, scales, drawn, strict=True):
         record[name] = noise.scale * scale * value
 
 
-def _strengths(record: NDArray[Any], world: World, phi: float, rng: np.random.Generator) -> None:
+def _fill_strengths(record: NDArray[Any], world: World, phi: float, rng: np.random.Generator) -> None:
     record["k_sweep"] = world.stiffness_n_per_m(phi)
     if "phi_nonuniformity" in world.effects:
         local = phi + world.effects["phi_nonuniformity"]["sigma_phi"] * rng.standard_normal(SWEEPS)

@@ -1,13 +1,13 @@
 """The time step on resistive ground: grains resist every element of a leg and soften where they are sheared.
 
-The body moves by Newton's law. Nothing of the ground that holds (`ground`, `stance`, `kernel`) is in here: no moment at
-which it holds, no response time, no stiffness. A leg's element of area dA at depth d, moving at v with its outer face
+The body moves by Newton's law. Nothing of the ground that takes hold (`ground`, `stance`, `kernel`) is used here: no
+moment of hold, no response time, no stiffness. A leg's element of area dA at depth d, moving at v with its outer face
 ahead, is resisted by
 
     dF = -α(φ) s(x) d dA [tanh(v_n/v_0) n + τ tanh(v_t/v_0) t]
 
-with α the strength of virgin grains and s their softening, which falls from 1 to what is left by the distance that legs
-have sheared through at x. The belly rests on the grains and rubs on them.
+with α the strength of virgin grains and s their softening factor, which falls from 1 to the residual fraction with the
+distance that legs have sheared at x. The belly rests on the grains with friction.
 """
 
 from math import ceil, cos, pi, sin, sqrt, tanh
@@ -24,7 +24,7 @@ from sandbot_lab.world import World
 STEP_S = 1e-4
 ELEMENTS = 20
 CELLS, CELL_M = 2000, 0.002
-"""The track's memory; beyond its end it begins again."""
+"""Cells that store the state of the ground, repeated periodically along the track."""
 BELLY_N_PER_M = 8000.0
 """Stiffness of the bed under the belly, for the mass of one stance leg; damped at half the critical rate."""
 REST, LIFTED, SLIDING = 0, 1, 2
@@ -46,13 +46,13 @@ STATE = np.dtype(
         *((name, "f8") for name in ("x", "z", "v_x", "v_z")),
         ("angle", "f8", (2 * MAX_TRIPOD,)),
         ("torque", "f8", (2,)),  # on a leg of each tripod, about the axle
-        ("sheared", "f8", (CELLS,)),  # share of the strength that is left
+        ("sheared", "f8", (CELLS,)),  # fraction of the strength that is left
     ]
 )
 
 
 def records(world: World, ground: ResistiveGround, phi: float, seed: int, x_m: float) -> tuple[NDArray[Any], ...]:
-    """The ``PHYSICS`` and ``STATE`` records, shape (1,), of a robot at rest; all chance comes from ``seed``."""
+    """The ``PHYSICS`` and ``STATE`` records, shape (1,), of a robot at rest; all randomness comes from ``seed``."""
     body, away = world.body, phi - PHI
     p, s = np.zeros(1, PHYSICS), np.zeros(1, STATE)
     p["radius"], p["height"], p["width"] = body.leg_radius_m, body.axle_height_m, body.leg_width_m
@@ -71,11 +71,11 @@ def records(world: World, ground: ResistiveGround, phi: float, seed: int, x_m: f
 
 @jit
 def resist(p: Any, s: Any, tripod: int, theta: float, rate: float, dt: float) -> tuple[float, float]:
-    """Force (x, z) on a tripod's leg, centre angle theta (0 = below), in a step in which it shears the ground."""
+    """Force (x, z) on a tripod's leg at centre angle theta (0 = below); also shears the ground for a step dt."""
     total_x, total_z, s.torque[tripod] = 0.0, 0.0, 0.0
     length = p.radius * p.arc / ELEMENTS
     for element in range(ELEMENTS):
-        # The arc, from the axle on, its convex side ahead; n points out of the circle.
+        # The arc starts at the axle, convex side ahead; n is the outward normal.
         along = (element + 0.5) / ELEMENTS * p.arc
         n_x = cos(along) * sin(theta) - sin(along) * cos(theta)
         n_z = cos(along) * cos(theta) + sin(along) * sin(theta)
@@ -100,7 +100,7 @@ def resist(p: Any, s: Any, tripod: int, theta: float, rate: float, dt: float) ->
 
 @jit
 def step(p: Any, s: Any, theta: Any, rate: Any, dt: float) -> None:
-    """Carry the body on by dt (semi-implicit Euler); theta and rate (2,) are the tripods'."""
+    """Advance the body by dt (semi-implicit Euler); theta and rate (2,) are the tripods'."""
     f_x, f_z = 0.0, -p.mass * p.gravity
     sunk = p.height - s.z
     if sunk > 0.0:
@@ -117,7 +117,7 @@ def step(p: Any, s: Any, theta: Any, rate: Any, dt: float) -> None:
 
 @jit
 def run(physics: Any, state: Any, t: Any, angles: Any, rates: Any, out: Any) -> None:
-    """As `kernel.run`: set-points t (n,), angles and rates (n, legs) in, ``out`` (n, 5 + 3 legs) what can be seen."""
+    """As `kernel.run`: set-points t (n,), angles and rates (n, legs) in, the observable state (n, 5 + 3 legs) out."""
     p, s = physics[0], state[0]
     legs = 2 * p.tripod
     theta, rate = np.zeros(2), np.zeros(2)

@@ -58,10 +58,10 @@ class Trace:
 
 
 class LabRobot:
-    """A robot at rest at ``start_x_m`` on virgin ground of volume fraction phi; all chance comes from ``seed``."""
+    """A robot at rest at ``start_x_m`` on virgin ground of volume fraction phi; all randomness comes from ``seed``."""
 
     def __init__(self, world: World, phi: float, seed: int, start_x_m: float = START_X_M) -> None:
-        """Raises InputError for a volume fraction no grain bed has."""
+        """Raises InputError for an impossible volume fraction."""
         self._run = _mechanism(world, checked_phi(phi), seed, start_x_m)
         self._legs = len(world.body.leg_order)
         self._rows = np.zeros((1, 5 + 3 * self._legs))
@@ -70,8 +70,8 @@ class LabRobot:
     def advance(self, t_s: float, angles_rad: ArrayLike, rates_rad_s: ArrayLike) -> BodyState:
         """The body at ``t_s``, where the legs' set-points are ``angles`` and ``rates`` (legs,) [rad, rad/s].
 
-        The first call is where the legs set out from. Raises InputError if time runs backwards, a value isn't finite,
-        or a leg would turn as fast as none does.
+        The first call sets the initial leg angles. Raises InputError if time runs backwards, a value isn't finite, or a
+        leg would turn impossibly fast.
         """
         angles, rates = (np.ascontiguousarray(legs, np.float64) for legs in (angles_rad, rates_rad_s))
         times = np.array([self._t, t_s])
@@ -102,7 +102,7 @@ def simulate(
 ) -> Trace:
     """A whole trial from set-points t (n,), angles and rates (n, legs). Equal to `LabRobot.advance` row by row.
 
-    Raises InputError on shapes that don't fit, time that does not rise, values that aren't finite.
+    Raises InputError on inconsistent shapes, time that does not increase, values that aren't finite.
     """
     times = np.ascontiguousarray(t_s, np.float64)
     angles, rates = np.ascontiguousarray(angles_rad, np.float64), np.ascontiguousarray(rates_rad_s, np.float64)
@@ -126,17 +126,17 @@ def simulate(
 
 
 def _mechanism(world: World, phi: float, seed: int, start_x_m: float) -> Callable[..., None]:
-    """Carries a robot at rest through set-points, see `kernel.run`: on the ground that this world has."""
+    """The `kernel.run` of this world's kind of ground, bound to a robot at rest."""
     if world.resistive:
         return partial(resistive_kernel.run, *resistive_kernel.records(world, world.resistive, phi, seed, start_x_m))
     return partial(kernel.run, physics_record(world, phi, seed), fresh_state(world, start_x_m))
 
 
 def as_seen(trace: Trace, week: Week, occasion: Occasion) -> Trace:
-    """The motion that cameras off their scale and zero show: a lift read too high began too low."""
+    """The motion as seen by cameras with a scale error and a lift offset; the offset lowers the starting height."""
     z_m = trace.z_m.copy()
     z_m[0] -= week.lift_offset_m(occasion)
-    x_m = seen_x_m(trace.x_m, float(trace.x_m[0]), week.scale_off(occasion))
+    x_m = seen_x_m(trace.x_m, float(trace.x_m[0]), week.scale_error(occasion))
     return replace(trace, x_m=x_m, z_m=z_m)
 
 

@@ -1,4 +1,4 @@
-"""Spoils the frames of one camera as a world's ``film`` says."""
+"""Degrades the frames of one camera according to a world's ``film``."""
 
 import cv2
 import numpy as np
@@ -12,48 +12,48 @@ Frame = NDArray[np.uint8]
 
 GLINT_GREY, CABLE_GREY = 240.0, 30.0
 CABLE_AT = 0.4
-"""Where the cable hangs, as a share of the picture's width: the robot walks past it."""
-MOST_JITTER = 0.4
-"""Part of a period by which a frame is early or late at most: frames keep their order."""
+"""Position of the cable, as a fraction of the picture's width: the robot walks past it."""
+MAX_JITTER = 0.4
+"""Largest fraction of a period by which a frame is early or late, so that frames keep their order."""
 
 
 def check_jitter(film: Film, rate_hz: float) -> None:
-    """Raises InputError where instants are to scatter by more than frames at this rate can."""
-    if film.jitter_s * rate_hz > MOST_JITTER:
+    """Raises InputError if the jitter is too large for this frame rate."""
+    if film.jitter_s * rate_hz > MAX_JITTER:
         raise InputError(
             f"film: jitter_s: {film.jitter_s:g} s is too much at {rate_hz:g} frames/s, which keep their order: at most "
-            f"{MOST_JITTER / rate_hz:g} s"
+            f"{MAX_JITTER / rate_hz:g} s"
         )
 
 
 class Spoiler:
-    """Spoils the frames of one camera; chance comes from a seed and a frame's number, and from nothing else."""
+    """Degrades the frames of one camera; randomness depends only on the seed and the frame's number."""
 
     def __init__(self, film: Film, name: str, seed: int, pedestal: float) -> None:
-        """``pedestal``: what the noise, which comes later, adds to every grey level."""
+        """``pedestal``: the grey level that the noise, applied later, adds."""
         self._film, self._seed, self._pedestal = film, [seed, 0xF11], pedestal
         self._camera = [*self._seed, len(name)]
 
     def instant_s(self, number: int, rate_hz: float) -> float:
-        """When a frame is taken, from the first on."""
+        """When a frame is taken, relative to frame 0."""
         if not self._film.jitter_s:
             return number / rate_hz
-        off = self._film.jitter_s * rate_hz * self._chance(self._seed, number).standard_normal()
-        return (number + float(np.clip(off, -MOST_JITTER, MOST_JITTER))) / rate_hz
+        off = self._film.jitter_s * rate_hz * self._rng(self._seed, number).standard_normal()
+        return (number + float(np.clip(off, -MAX_JITTER, MAX_JITTER))) / rate_hz
 
     def comes(self, number: int) -> int:
-        """How often a frame is sent: once, or not, or twice."""
+        """How many times a frame is sent: once, never or twice."""
         if not (self._film.dropped or self._film.doubled):
             return 1
-        lost, again = self._chance(self._camera, number).random(2)
-        return 0 if lost < self._film.dropped else 2 if again < self._film.doubled else 1
+        drop, double = self._rng(self._camera, number).random(2)
+        return 0 if drop < self._film.dropped else 2 if double < self._film.doubled else 1
 
     def seen(self, image: Frame, t_s: float) -> Frame:
-        """What reaches the sensor of a drawn picture (height, width), which may be changed."""
+        """The image on the sensor, from a drawn picture (height, width) that may be modified in place."""
         film = self._film
         rows, columns = image.shape
         if film.glints:
-            rng = self._chance(self._camera, round(t_s * 1e6))
+            rng = self._rng(self._camera, round(t_s * 1e6))
             for _ in range(film.glints):
                 u, v = rng.uniform(0, columns, 1), rng.uniform(0, rows, 1)
                 draw_disc(image, u, v, float(rng.uniform(1.0, 2.0)), GLINT_GREY - self._pedestal)
@@ -69,7 +69,7 @@ class Spoiler:
         return image
 
     def sent(self, frame: Frame) -> Frame:
-        """What is left of an exposed frame."""
+        """An exposed frame after compression."""
         if not self._film.jpeg_quality:
             return frame
         coded = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, self._film.jpeg_quality])[1]
@@ -84,5 +84,5 @@ class Spoiler:
     _light: NDArray[np.float32] | None = None
 
     @staticmethod
-    def _chance(seed: list[int], number: int) -> np.random.Generator:
+    def _rng(seed: list[int], number: int) -> np.random.Generator:
         return np.random.default_rng([*seed, number & 0xFFFFFFFF])

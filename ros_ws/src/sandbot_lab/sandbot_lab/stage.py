@@ -1,4 +1,4 @@
-"""One live trial: set-points in, leg states and frames out, on the robot's own time (no ROS)."""
+"""One live trial: set-points in, leg states and frames out, in the robot's own time (no ROS)."""
 
 import math
 from collections import deque
@@ -35,14 +35,14 @@ class Moments:
 
 
 class RecentMotion:
-    """What the body has done and no frame has shown yet, with the last moments before it."""
+    """The motion that no frame has shown yet, with the last moments before it."""
 
     def __init__(self) -> None:
-        """Nothing has moved yet."""
+        """Empty."""
         self._states: deque[BodyState] = deque()
 
     def append(self, state: BodyState) -> None:
-        """The newest moment."""
+        """Append the newest moment."""
         self._states.append(state)
 
     @property
@@ -51,7 +51,7 @@ class RecentMotion:
         return self._states[-1].t_s if self._states else -math.inf
 
     def until(self, t_s: float) -> Moments:
-        """The moments up to the first one at or after ``t_s``; what came long before them is forgotten."""
+        """The moments up to the first one at or after ``t_s``; much older ones are discarded."""
         count = 1 + sum(1 for _ in takewhile(lambda state: state.t_s < t_s, self._states))
         for _ in range(count - _REMEMBERED):
             self._states.popleft()
@@ -76,7 +76,7 @@ class LiveTrial:
         """``cameras``: sections of cameras.yaml by name; none for a trial without images. Raises InputError."""
         self.t0_ns = t0_ns
         self._robot = LabRobot(world.at(occasion), phi - world.week.phi_zero, seed, start_x_m)
-        self._start_x_m, self._scale_off = start_x_m, world.week.scale_off(occasion)
+        self._start_x_m, self._scale_error = start_x_m, world.week.scale_error(occasion)
         self._sunk_m = world.week.lift_offset_m(occasion)
         self._cameras = {
             name: LabCamera(name, camera, seed, world.body, world.film) for name, camera in cameras.items()
@@ -87,25 +87,25 @@ class LiveTrial:
     def advance(self, t_ns: int, angles: Floats, rates: Floats) -> BodyState:
         """The robot at a set-point's time. Raises InputError if time runs backwards or a value isn't finite."""
         state = self._robot.advance((t_ns - self.t0_ns) / NANO, angles, rates)
-        # As the cameras see it (`as_seen`): off their scale, and a lift read too high began too low.
+        # As the cameras see it (`as_seen`): with a scale error, and an offset of the starting height.
         if self._cameras:
-            x_m = seen_x_m(state.x_m, self._start_x_m, self._scale_off)
+            x_m = seen_x_m(state.x_m, self._start_x_m, self._scale_error)
             self._motion.append(replace(state, x_m=x_m, z_m=state.z_m - self._sunk_m))
         self._sunk_m = 0.0
         return state
 
     @property
     def due(self) -> bool:
-        """Whether a frame waits to be taken: its exposure has ended."""
+        """Whether a frame can be taken: its exposure has ended."""
         return bool(self._cameras) and self._next()[1] <= self._motion.newest_s
 
     def frames(self) -> Iterator[tuple[str, int, Frame]]:
-        """Every frame that waits to be taken, the earliest first."""
+        """Every frame that is due, the earliest first."""
         while self.due:
             yield from self.take()
 
     def take(self) -> list[tuple[str, int, Frame]]:
-        """Camera, stamp [ns] and pixels of the frame that is due first, as often as it is sent."""
+        """Camera, stamp [ns] and pixels of the earliest frame due, repeated as many times as it is sent."""
         name, end_s = self._next()
         camera, number = self._cameras[name], self._taken[name]
         self._taken[name] += 1
@@ -124,7 +124,7 @@ class LiveTrial:
 
 
 def warm_up(cameras: Mapping[str, Mapping[str, Any]]) -> None:
-    """Compile what a live trial runs (seconds, once a machine), so that no leg waits for it."""
+    """Compile the functions of a live trial (seconds, once per machine), so that no leg waits for it."""
     trial = LiveTrial(null_world(), 0.6, 0, START_X_M, cameras, 0)
     for t_ns in (0, 10_000_000):
         trial.advance(t_ns, np.zeros(len(LEGS)), np.zeros(len(LEGS)))

@@ -1,4 +1,4 @@
-"""Stance: how much force the ground must give before it holds, and how a hold carries the body."""
+"""Stance: the force the ground must provide to hold a leg, and how a held leg carries the body."""
 
 from math import asin, cos, pi, sin, tan
 from typing import Any
@@ -22,9 +22,9 @@ def response_time(p: Any) -> float:
 
 @jit
 def velocity_change(p: Any, s: Any, theta: float, rate: float) -> float:
-    """Velocity [m/s] the body must be given if the leg's centre is to stand still in the ground from now on.
+    """Change of velocity [m/s] of the body if the leg's centre is to be fixed in the ground from now on.
 
-    About its fixed centre the leg carries the axle with velocity R rate (cos theta, -sin theta) in (x, z).
+    Turning about its fixed centre the leg moves the axle with velocity R rate (cos theta, -sin theta) in (x, z).
     """
     v_x, v_z = p.radius * rate * cos(theta), -p.radius * rate * sin(theta)
     if p.exact_vertical_acceleration:
@@ -37,7 +37,7 @@ def velocity_change(p: Any, s: Any, theta: float, rate: float) -> float:
 
 @jit
 def load(p: Any, s: Any, theta: float, rate: float) -> float:
-    """Force [N] a leg must find to hold: weight, and the force that brings the body up to leg speed."""
+    """Force [N] the ground must exert on a leg to hold it: weight, and acceleration of the body to leg speed."""
     gravity, mass = p.gravity, p.mass
     if p.bed_slope:
         gravity *= cos(p.bed_slope_chi_deg * pi / 180.0)
@@ -55,7 +55,7 @@ def load(p: Any, s: Any, theta: float, rate: float) -> float:
 
 @jit
 def advance_gain(p: Any, depth: float, rate: float) -> float:
-    """Part of the leg's chord that becomes advance, after slip."""
+    """Fraction of the leg's chord that becomes advance, after slip."""
     gain = advance_factor(p, rate)
     if p.leg_slip:
         gain *= 1.0 - p.leg_slip_sigma * (p.reference_depth / depth) ** 2
@@ -87,7 +87,7 @@ def ripple(p: Any, s: Any, theta: float) -> float:
 
 @jit
 def ripple_slope(p: Any, s: Any, theta: float) -> float:
-    """Derivative of `ripple` by the leg angle."""
+    """Derivative of `ripple` with respect to the leg angle."""
     span = s.release_angle if theta < 0.0 else s.stop_angle
     if span <= 0.0:
         return 0.0
@@ -112,9 +112,9 @@ def held_speed(p: Any, s: Any, theta: float, rate: float) -> float:
 
 @jit
 def touchdown_speed(p: Any, s: Any, theta: float) -> float:
-    """Forward speed with which the belly meets the ground: by the leg's mean rate in the hold.
+    """Forward speed at which the belly meets the ground, from the leg's mean rate during the hold.
 
-    A clock that begins its swing just there does not throw the body ahead: the ground needs time to speed it up.
+    A swing that begins at touchdown does not throw the body forward: the ground needs time to accelerate it.
     """
     if s.t <= s.grip_t:
         return 0.0
@@ -123,7 +123,7 @@ def touchdown_speed(p: Any, s: Any, theta: float) -> float:
 
 @jit
 def swimming_speed(p: Any, stroke_rate: float) -> float:
-    """Forward speed where the ground never holds; stroke_rate is the mean leg rate."""
+    """Forward speed if the ground never holds; stroke_rate is the mean leg rate."""
     if p.swimming_thrust and stroke_rate > 0.0:
         return float(min(p.swimming_thrust_a_m_s2 / stroke_rate, p.radius * stroke_rate / pi))
     return float(p.swim)
@@ -131,5 +131,5 @@ def swimming_speed(p: Any, stroke_rate: float) -> float:
 
 @jit
 def coasting_deceleration(p: Any) -> float:
-    """What friction takes from the speed of a sliding belly [m/s2]."""
+    """Deceleration of a sliding belly by friction [m/s2]."""
     return float(p.belly_coast_mu_b * p.gravity)

@@ -1,4 +1,4 @@
-"""What the trials of a real week share: a bed that differs from day to day and drifts, readings off their zero.
+"""What the trials of a real week share: a bed that differs from day to day and drifts, systematic errors of readings.
 
 An `Occasion` says when in the campaign a trial was run; with a world's `Week` it gives the ground's strength then.
 """
@@ -19,16 +19,16 @@ _DAY, _BED = 0xDA7, 0xBEDD
 
 @dataclass(frozen=True)
 class Week:
-    """What differs between batches and along a campaign, and by how much readings are off; nothing by default."""
+    """Batch effects and drift along a campaign, and offsets and scale errors of readings; none by default."""
 
     k_batch_sd: float = parameter(0.0, doc="relative scatter of k from batch to batch", low=0.0, high=0.3)
     k_preparation_sd: float = parameter(
         0.0, doc="relative scatter of k from one preparation of the bed (one trial) to the next", low=0.0, high=0.3
     )
     k_drift: float = parameter(
-        0.0, doc="share by which k has grown, steadily in run order, at the campaign's end", low=-0.5, high=0.5
+        0.0, doc="relative growth of k, steady in run order, by the campaign's end", low=-0.5, high=0.5
     )
-    k_jump: float = parameter(0.0, doc="share by which k changes at each place of k_jumps_at", low=-0.5, high=0.5)
+    k_jump: float = parameter(0.0, doc="relative change of k at each place of k_jumps_at", low=-0.5, high=0.5)
     k_jumps_at: tuple[float, ...] = parameter(
         (0.5,), doc="where in the campaign k jumps, 0 its beginning, 1 its end", low=0.0, high=1.0
     )
@@ -37,7 +37,7 @@ class Week:
         0.0, unit="m", doc="scatter of the lift's zero from batch to batch", low=0.0, high=0.01
     )
     speed_scale: float = parameter(
-        0.0, doc="share by which distances along the track are read too long", low=-0.3, high=0.3
+        0.0, doc="fraction by which distances along the track are read too long", low=-0.3, high=0.3
     )
     speed_scale_batch_sd: float = parameter(
         0.0, doc="scatter of the scale along the track from batch to batch", low=0.0, high=0.1
@@ -45,7 +45,7 @@ class Week:
     phi_zero: float = parameter(0.0, doc="volume fraction is read too high by this", low=-0.05, high=0.05)
 
     def strength(self, occasion: "Occasion") -> float:
-        """Factor on k of virgin ground; exactly 1 where nothing drifts or scatters."""
+        """Factor on k of virgin ground; exactly 1 if nothing drifts or scatters."""
         shared = self.k_batch_sd * _normal(occasion.batch_seed, _DAY, 0)
         own = self.k_preparation_sd * _normal(occasion.trial_seed, _BED, 0)
         jumps = sum(place <= occasion.progress for place in self.k_jumps_at) * math.log1p(self.k_jump)
@@ -53,11 +53,11 @@ class Week:
         return math.exp(shared + own + jumps + drift)
 
     def lift_offset_m(self, occasion: "Occasion") -> float:
-        """What a reading of the lift is too high by."""
+        """Offset of the lift reading."""
         return self.lift_zero_m + self.lift_zero_batch_sd_m * _normal(occasion.batch_seed, _DAY, 1)
 
-    def scale_off(self, occasion: "Occasion") -> float:
-        """Share by which the dorsal camera takes distances along the track for too long."""
+    def scale_error(self, occasion: "Occasion") -> float:
+        """Fraction by which the dorsal camera overestimates distances along the track."""
         return self.speed_scale + self.speed_scale_batch_sd * _normal(occasion.batch_seed, _DAY, 2)
 
 
@@ -68,20 +68,20 @@ class Occasion:
     batch_seed: int = 0
     trial_seed: int = 0
     progress: float = 0.0
-    """0 for the campaign's first trial, 1 for its last planned one, beyond for what was added later."""
+    """0 for the campaign's first trial, 1 for its last planned one, above 1 for trials added later."""
 
 
 FIRST = Occasion()
 """A campaign of one trial."""
 
 
-def seen_x_m(x_m: T, start_x_m: float, scale_off: float) -> T:
-    """Where a camera whose scale is off takes the body to be."""
-    return x_m + scale_off * (x_m - start_x_m)
+def seen_x_m(x_m: T, start_x_m: float, scale_error: float) -> T:
+    """Position of the body as measured by a camera with a scale error."""
+    return x_m + scale_error * (x_m - start_x_m)
 
 
 def batch_seed(seed: int, batch: str) -> int:
-    """The chance that the trials of one batch of a campaign share."""
+    """The random seed that the trials of one batch of a campaign share."""
     return zlib.crc32(f"{seed} {batch}".encode())
 
 

@@ -26,16 +26,16 @@ from sandbot_lab.week import Occasion, Week
 
 SCHEMA = "sandbot.world/1"
 HOLDING = ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s")
-"""Keys of a world that describe ground that holds, beside its effects."""
+"""Keys of a world that, with its effects, describe ground that takes hold."""
 NOISE_OF_ANY = ("scale", "phi_sd")
-"""Keys of noise that mean something on any ground."""
+"""Keys of noise that apply to any ground."""
 START_X_M = 0.15
 """Where the robot's com starts; frame trackway."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What differs between replicates (standard deviations), all times ``scale``."""
+    """Scatter between replicates (standard deviations), all multiplied by ``scale``."""
 
     scale: float = parameter(1.0, doc="multiplies every standard deviation below", low=0.0, high=10.0)
     speed_sd_m_s: float = parameter(0.005, unit="m/s", doc="constant speed offset of a trial", low=0.0, high=0.1)
@@ -53,7 +53,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class World:
-    """Everything the virtual lab knows and the analysis must not. InputError names what is wrong."""
+    """Everything the virtual lab knows and the analysis must not. Raises InputError for invalid values."""
 
     phi_knots: tuple[float, ...] = parameter((0.580, 0.600, 0.633), doc="volume fractions of the strength knots")
     k_knots_n_per_m: tuple[float, ...] = parameter(
@@ -68,16 +68,16 @@ class World:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
     robot: Robot | None = None
-    """The robot that truly walks, whatever robot.yaml says; None: the campaign's (`walked_by`), else SandBot."""
+    """The robot that really walks, whatever robot.yaml says; None: the campaign's (`walked_by`), else SandBot."""
     week: Week = field(default_factory=Week)
     resistive: ResistiveGround | None = None
-    """Ground of another kind in place of the one that holds, which k, Δt, v_swim, effects and most noise describe."""
+    """A resistive ground instead of the one that takes hold, which k, Δt, v_swim, effects and most noise describe."""
 
     film: Film = field(default_factory=Film)
-    """What spoils the cameras' pictures."""
+    """Degradation of the cameras' pictures."""
 
     def __post_init__(self) -> None:
-        """Fill in the defaults of the effects and refuse what can't be."""
+        """Fill in the defaults of the effects and refuse invalid values."""
         filled = {name: checked_effect(name, dict(given or {}), "effects") for name, given in self.effects.items()}
         object.__setattr__(self, "effects", filled)
         if self.resistive and self.effects:
@@ -90,7 +90,7 @@ class World:
             )
 
     def stiffness_n_per_m(self, phi: float) -> float:
-        """k(φ) of virgin ground, piecewise linear, the outer pieces prolonged; never below 1 N/m."""
+        """k(φ) of virgin ground, piecewise linear with linear extrapolation; never below 1 N/m."""
         knots, values = np.asarray(self.phi_knots), np.asarray(self.k_knots_n_per_m)
         piece = int(np.clip(np.searchsorted(knots, phi) - 1, 0, len(knots) - 2))
         slope = (values[piece + 1] - values[piece]) / (knots[piece + 1] - knots[piece])
@@ -106,7 +106,7 @@ class World:
         return self if self.robot else dataclasses.replace(self, robot=robot)
 
     def at(self, occasion: Occasion) -> "World":
-        """The world as one trial of the campaign meets it: its virgin ground as strong as the bed is then."""
+        """The world in one trial of the campaign, with the strength of virgin ground at that time."""
         factor = self.week.strength(occasion)
         ground = self.resistive and dataclasses.replace(
             self.resistive, strength_n_per_m3=factor * self.resistive.strength_n_per_m3
@@ -120,7 +120,7 @@ class World:
 
 
 def null_world() -> World:
-    """Every effect off: the world the base model describes (k with a knee at φ = 0.6, Δt = 0.4 s)."""
+    """The world without effects, which the base model describes (k with a knee at φ = 0.6, Δt = 0.4 s)."""
     return World()
 
 
@@ -131,7 +131,7 @@ def read_world(path: Path) -> World:
 
 def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     """A world from a mapping as in the YAML file; missing sections take their defaults."""
-    content = _by_their_new_names(content, where)
+    content = _migrated(content, where)
     known = ("schema", *(item.name for item in dataclasses.fields(World)))
     for key in content:
         if key not in known:
@@ -148,7 +148,7 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
         "film": from_mapping(Film, values.pop("film", {}), f"{where}: film"),
     }
     if "resistive" in values:
-        # Nothing after the key is a ground with all its defaults; no or false would be none.
+        # An empty value is a ground with all defaults.
         given = values.pop("resistive")
         sections["resistive"] = from_mapping(ResistiveGround, {} if given is None else given, f"{where}: resistive")
     if "robot" in values:
@@ -166,7 +166,7 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
 
 
 def _check_resistive(values: Mapping[str, Any], where: str) -> None:
-    """What describes ground that holds is refused beside ground that does not."""
+    """Raise InputError for keys that have no meaning on resistive ground."""
     ignored = [key for key in HOLDING if key in values]
     noise = values.get("noise")
     ignored += [f"noise: {key}" for key in (noise if isinstance(noise, Mapping) else ()) if key not in NOISE_OF_ANY]
@@ -178,8 +178,8 @@ _OLD_NAMES = {"k_knots_n_m": "k_knots_n_per_m", "k_l_n_m": "k_l_n_per_m"}
 _OLD_ROBOT = {"radius_m": "leg_radius_m", "mass_kg": "mass_per_leg_kg"}
 
 
-def _by_their_new_names(content: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """World files of earlier versions: keys that have another name or place since, each said on stderr."""
+def _migrated(content: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """A world file of an earlier version with renamed or moved keys updated, each reported on stderr."""
     values = {_renamed(str(key), _OLD_NAMES, where): value for key, value in content.items()}
     if isinstance(effects := values.get("effects"), Mapping):
         values["effects"] = {
@@ -191,7 +191,7 @@ def _by_their_new_names(content: Mapping[str, Any], where: str) -> dict[str, Any
     if isinstance(robot := values.get("robot"), Mapping):
         robot = {_renamed(str(key), _OLD_ROBOT, where): value for key, value in robot.items()}
         if "swim_m_s" in robot:
-            print(f"{where}: robot: swim_m_s stands beside robot: since, as the ground's own", file=sys.stderr)
+            print(f"{where}: robot: swim_m_s is now a key of the world itself, next to robot:", file=sys.stderr)
             values["swim_m_s"] = robot.pop("swim_m_s")
         values["robot"] = robot
     return values
@@ -199,7 +199,7 @@ def _by_their_new_names(content: Mapping[str, Any], where: str) -> dict[str, Any
 
 def _renamed(key: str, names: Mapping[str, str], where: str) -> str:
     if key in names:
-        print(f"{where}: {key} is called {names[key]} since", file=sys.stderr)
+        print(f"{where}: {key} is now called {names[key]}", file=sys.stderr)
     return names.get(key, key)
 
 
@@ -227,7 +227,7 @@ def write_world(world: World, path: Path) -> None:
     write_text(path, yaml.safe_dump(content, sort_keys=False))
 
 
-# Strengths at which an effect stands out of the noise of 7 φ × 7 ω × 3 trials; where not given, the defaults do.
+# Parameter ranges in which an effect is detectable above the noise of 7 φ × 7 ω × 3 trials; else the defaults are.
 _STRENGTH = {
     "disturbed_ground": {"k_l_n_per_m": (167.0, 180.0), "s_c": (0.88, 1.0)},
     "stance_overlap": {"eta": (0.12, 0.25)},
@@ -235,30 +235,32 @@ _STRENGTH = {
     "leg_slip": {"sigma": (0.12, 0.20)},
 }
 
-# A whole arc bears more than its lowest point: alpha = k/(wR) of 246 to 319 kN/m3, near Li09's, keeps walk and swim in
-# reach of the same frequencies.
+# A whole arc bears more than its lowest point: alpha = k/(wR) of 246 to 319 kN/m3, near Li09's, keeps both walking and
+# swimming within the same range of frequencies.
 _ARC_STIFFNESS = (105.0, 127.0, 136.0)
 
 
-# What can be told apart in `li09_world.yaml`, as docs/li09.md measured it. There most effects can't: a per cent less of
-# a step ends all walking, and what changes the ground's strength alone passes for another k(φ).
-_BESIDE = {"swimming_thrust": {"a_m_s2": (0.42, 0.48)}, "crater_refill": {"z0_m": (0.004, 0.006)}}
+# Effects that are identifiable in `li09_world.yaml`, as measured in docs/li09.md. Most are not: one per cent less of a
+# step ends all walking, and a change of the ground's strength alone is equivalent to another k(φ).
+_IDENTIFIABLE = {"swimming_thrust": {"a_m_s2": (0.42, 0.48)}, "crater_refill": {"z0_m": (0.004, 0.006)}}
 
 
-def draw_beside(world: World, seed: int) -> World:
-    """The world with one effect more, drawn, that can be told apart from those of `li09_world.yaml`.
+def draw_additional(world: World, seed: int) -> World:
+    """The world with one more effect, drawn at random among those that are identifiable in `li09_world.yaml`.
 
-    Raises InputError where it has all that could be drawn.
+    Raises InputError if it has all of them.
     """
-    names = tuple(name for name in _BESIDE if name not in world.effects)
+    names = tuple(name for name in _IDENTIFIABLE if name not in world.effects)
     if not names:
-        raise InputError(f"effects: {' and '.join(_BESIDE)} are there already, no other can be hidden beside them")
-    name, values = _drawn(seed, names, _BESIDE)
+        raise InputError(
+            f"effects: {' and '.join(_IDENTIFIABLE)} are present already; no other can be hidden with them"
+        )
+    name, values = _drawn(seed, names, _IDENTIFIABLE)
     return dataclasses.replace(world, effects={**world.effects, name: values})
 
 
 def draw_world(seed: int, among: Iterable[str] | None = None) -> World:
-    """The null world plus one effect drawn from ``among`` (default `DRAWN`), strong enough to be told apart."""
+    """The null world plus one effect drawn from ``among`` (default `DRAWN`), strong enough to be identified."""
     names = tuple(DRAWN if among is None else among)
     if not names:
         raise InputError("among: no effect to draw from")
@@ -277,7 +279,7 @@ def _drawn(
     name = names[int(rng.integers(len(names)))]
     values = EFFECTS[name].defaults()
     for key, (low, high) in strength.get(name, {}).items():
-        # Round figures are kinder to a reader of the opened seal, and lose nothing.
+        # Three significant figures are easier to read when the file is unsealed.
         values[key] = _three_figures(float(rng.uniform(low, high)))
     return name, values
 

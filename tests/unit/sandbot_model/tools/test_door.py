@@ -112,7 +112,7 @@ def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
         ({"data": 7}, "data: int; a path, several, a DataFrame or Trials is needed"),
         ({"model": "simpel"}, "model: 'simpel' is not one of simple, full"),
         ({"max_effects": -1}, "max_effects: -1; 0 or more are needed"),
-        ({"formulas": "a: b: c"}, "formulas: 'a: b: c' is one text"),
+        ({"formulas": "a: b: c"}, "formulas: 'a: b: c' is one string"),
         ({"effects_from": "nowhere.py"}, "nowhere.py: no such file"),
         ({"workers": 0}, "workers: 0; at least one process is needed"),
         ({"max_effects": 1.5}, "max_effects: 1.5; a whole number is needed"),
@@ -129,7 +129,7 @@ def test_an_argument_that_cannot_be_used_is_named(trials, arguments, message):
 
 
 def test_effects_given_as_one_text_are_refused(trials):
-    with pytest.raises(sm.InputError, match=re.escape("effects: 'leg_slip' is one text")):
+    with pytest.raises(sm.InputError, match=re.escape("effects: 'leg_slip' is one string")):
         sm.compare(trials, "leg_slip")
     with pytest.raises(sm.InputError, match=r"leg_slipp.*did you mean|leg_slipp.*is not in the catalogue"):
         sm.compare(trials, ["leg_slipp"])
@@ -150,13 +150,13 @@ def test_a_formula_is_fitted_as_by_the_command(trials, effects, ladder):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"robot": {"leg_radius_m": 0.05}}, "robot: {'leg_radius_m': 0.05}; a text, Path, Robot or None is needed"),
-        ({"penetrometer": 3}, "penetrometer: 3; a text, Path or None is needed"),
-        ({"effects": None}, "effects: None; a list (a text each) is needed"),
-        ({"effects": [3]}, "effects: [3]; a list (a text each) is needed"),
+        ({"robot": {"leg_radius_m": 0.05}}, "robot: {'leg_radius_m': 0.05}; a string, Path, Robot or None is needed"),
+        ({"penetrometer": 3}, "penetrometer: 3; a string, Path or None is needed"),
+        ({"effects": None}, "effects: None; a list (a string each) is needed"),
+        ({"effects": [3]}, "effects: [3]; a list (a string each) is needed"),
         ({"formulas": [3]}, "formulas: [3]; a list"),
-        ({"effects_from": 3}, "effects_from: 3; a text, Path or a list (a text or Path each) is needed"),
-        ({"model": []}, "model: []; a text is needed"),
+        ({"effects_from": 3}, "effects_from: 3; a string, Path or a list (a string or Path each) is needed"),
+        ({"model": []}, "model: []; a string is needed"),
     ],
 )
 def test_an_argument_of_another_type_is_named(trials, arguments, message):

@@ -3,13 +3,13 @@ const by = id => document.getElementById(id);
 const number = (value, digits, unit = "", factor = 1) =>
   value == null ? "–" : (factor * value).toFixed(digits).replace("-", "−") + (unit && " " + unit);
 
-// ---- what the operator asks for
+// ---- orders of the operator
 
-/** The console sees STOP through for 3 s and waits 5 s for the answer to all else; one that is frozen takes a call and says nothing. */
+/** The console works on STOP for 3 s and waits 5 s for the response to any other call; a frozen one accepts a call but never responds. */
 const STOP_MS = 4000, CALL_MS = 7000;
 
 async function post(path, patience, body) {
-  // What this page knew when it asked: a console that was frozen starts nothing that was asked long ago.
+  // The time of the state this page acts on: a console that was frozen must not obey old requests.
   const headers = {"X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
   const signal = AbortSignal.timeout(patience);
   return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
@@ -37,7 +37,7 @@ async function stop() {
   }
 }
 
-// As the button goes down, not when it comes up.
+// When the button goes down, not when it is released.
 by("stop").onpointerdown = event => { if (event.button === 0) stop(); };
 by("stop").onclick = event => { if (event.detail === 0) stop(); };  // Enter, or a screen reader
 by("acknowledge").onclick = () => ask("acknowledge", "seen");
@@ -47,7 +47,7 @@ document.addEventListener("keydown", event => {
   event.preventDefault();
   if (!event.repeat) stop();
 });
-// A space that is let go would press the button that has the focus.
+// Releasing the space bar would press the focused button.
 document.addEventListener("keyup", event => {
   if (event.key === " " && !event.target.closest("input, select, textarea")) event.preventDefault();
 });
@@ -117,7 +117,7 @@ const options = {displayModeBar: false, responsive: true};
 const line = (name, x, y, color, dash = "solid", more = {}) =>
   ({name, x, y, mode: "lines", connectgaps: false, line: {color, dash, width: 2}, ...more});
 
-/** Limits around the values. Always our own: an axis that first had no data would keep limits of nothing. */
+/** Limits around the values. Always set: an axis that was empty at first would keep meaningless limits. */
 function limits(values, empty, least = 0) {
   const all = values.filter(value => value != null && Number.isFinite(value));
   if (!all.length) return empty;
@@ -162,7 +162,7 @@ function drawPacking(packing) {
 
 const DASHES = ["dash", "dashdot", "longdash", "longdashdot", "2px 4px", "8px 2px"];
 
-/** Measured means beside the model's curve and, until a verdict, those of the explanations that are left. */
+/** Measured means with the model's curve and, until a verdict, the curves of the remaining explanations. */
 function drawCurve(curves, trial, queue, rivals) {
   const target = trial.phi_target, at = phi => (+phi).toFixed(4);
   const measured = queue.filter(one => one.measured.speed_m_s != null);
@@ -193,7 +193,7 @@ function drawCurve(curves, trial, queue, rivals) {
     layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {range: fromZero(seen, [0, 40])}], {shapes, ...roomForNames(left.length)}), options);
 }
 
-/** Names of explanations are long: one a line above the figure, which grows by them. */
+/** Names of explanations are long: one per line above the figure, which grows accordingly. */
 function roomForNames(count) {
   by("curve").style.setProperty("--names", count);
   return {height: by("curve").clientHeight, ...count ? {legend: {y: 1.02, yanchor: "bottom", x: 0}} : {}};
@@ -225,7 +225,7 @@ function drawQueue(queue) {
     line.title = one.because;
     const text = one.reason || (one.state === "running" ? one.because : "");
     if (!text || one.state === "skipped") return [line];
-    // Where its bag is kept is in the log.
+    // The log says where its bag is kept.
     const why = Object.assign(made("td", text.split("; its bag")[0], "why"), {colSpan: 5, title: text});
     return [line, row(`reason ${one.state}`, "", why)];
   }));
@@ -254,7 +254,7 @@ function drawCampaign(campaign) {
   drawVerdict(campaign.look);
 }
 
-/** Of a campaign until a verdict: the last look, and what may be true beside that which it names. */
+/** In a campaign until a verdict: the last look, and which further effects may be present. */
 function drawVerdict(look) {
   by("verdict-box").hidden = !look;
   if (!look || !changed("verdict", look)) return;
@@ -298,7 +298,7 @@ function drawNodes(nodes, topics) {
 const shown = {};
 function drawPictures(pictures) {
   for (const [camera, {number: count, seen}] of Object.entries(pictures)) {
-    // One at a time: where they come slowly they are fewer, and leave the line to the rest.
+    // One at a time: on a slow line there are fewer, which leaves room for the rest.
     if (shown[camera] === count || !by(camera).complete) continue;
     shown[camera] = count;
     by(camera).src = `camera/${camera}.jpg?n=${count}`;
@@ -336,9 +336,9 @@ function drawTrial(trial) {
   by("trial").textContent = trial.trial_id ? parts.filter(part => part != null).join(" · ") : "no trial announced";
 }
 
-// ---- what the console says
+// ---- state from the console
 
-/** What must be said at once, and costs next to nothing. */
+/** What must be shown at once, and is cheap to draw. */
 function drawSafety(state) {
   by("connection").textContent = "live";
   by("connection").className = "soft";
@@ -384,8 +384,8 @@ function lost() {
 }
 
 /**
- * Asks again once it is answered: what came is no older than the question, a slow line brings less and not later, and
- * of the six connections that a browser has for a host none is kept from STOP, however many pages are open.
+ * Asks again once it is answered: no state is older than its request, a slow line brings fewer states and not later
+ * ones, and of the six connections that a browser has per host one is always free for STOP, however many pages are open.
  */
 async function keepHearing() {
   for (;;) {

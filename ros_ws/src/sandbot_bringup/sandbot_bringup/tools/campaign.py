@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import (
-    OF_VERDICT,
     VERDICT,
+    VERDICT_KEYS,
     Plan,
     PlannedTrial,
     check_bed,
@@ -58,11 +58,11 @@ def command(argv: Sequence[str]) -> int:
         return 0
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:
-        redo()  # nodes that run will not be kept waiting: once more, when the folder is ours, it reads what is new
+        redo()  # reads the bags before any node waits for us; the later call, in the locked folder, reads only new ones
     if world is not None:
         trials, failures = _batch(plan, folder, files, world, options, redo)
     else:
-        # The live runner starts ROS; batch and dry runs must not.
+        # Imported here, as the live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
@@ -73,9 +73,9 @@ def command(argv: Sequence[str]) -> int:
 
 
 def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
-    """What the campaign would do, checked against every limit, before anything moves."""
+    """What the campaign would do, as text."""
     seconds = sum(plan.duration_s(trial.omega_rad_s) + plan.standing_s for trial in trials)
-    until = f"until a verdict, {plan.most} trials at most, at first these: " if plan.until else ""
+    until = f"until a verdict, {plan.max_trials} trials at most, at first these: " if plan.until else ""
     return (
         f"campaign {plan.name}: {until}{len(trials)} trials, {len(plan.phi)} volume fractions "
         f"{min(plan.phi):g}-{max(plan.phi):g} x {len(plan.omega_rad_s)} frequencies "
@@ -94,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         help="campaign.yaml, a plan of --config-folder by its name, or the folder of a campaign to resume",
     )
-    parser.add_argument("--out", type=Path, help="the campaign's folder (default: beside the plan, by its name)")
+    parser.add_argument("--out", type=Path, help="the campaign's folder (default: next to the plan, under its name)")
     parser.add_argument("--batch", action="store_true", help="virtual lab in process, as fast as the CPU allows")
     parser.add_argument("--plan", dest="next_trials", type=Path, help="add the next_trials of this discovery JSON")
     parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (--batch; default: the null world)")
@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         "--hide",
         type=int,
         metavar="SEED",
-        help="hide an effect drawn from SEED, beside those of --world (--batch)",
+        help="hide an effect drawn with SEED, in addition to those of --world (--batch)",
     )
     parser.add_argument(
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
@@ -116,10 +116,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--until",
         choices=(VERDICT,),
-        help="of the plan's grid run only what a verdict takes: after each block choose the next, or stop",
+        help="run only as much of the plan's grid as a verdict needs: after each block choose the next, or stop",
     )
     parser.add_argument(
-        "--budget", type=int, metavar="N", help="trials at most (--until; default: as many as the grid)"
+        "--budget", type=int, metavar="N", help="most trials (--until; default: as many as the grid has)"
     )
     parser.add_argument(
         "--alpha", type=float, help="probability of a false claim over all looks (--until; default: 0.02)"
@@ -129,10 +129,10 @@ def _parser() -> argparse.ArgumentParser:
         "--bed-scatter",
         type=float,
         metavar="SHARE",
-        help="sd by which k may differ from batch to batch (--until; default: 0.007)",
+        help="prior sd of the variation of k from batch to batch (--until; default: 0.007)",
     )
     parser.add_argument(
-        "--bed-drift", type=float, metavar="SHARE", help="sd by which k may have drifted at the end (--until; 0.03)"
+        "--bed-drift", type=float, metavar="SHARE", help="prior sd of the drift of k by the end (--until; 0.03)"
     )
     parser.add_argument(
         "--silence",
@@ -140,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="a node that is silent for longer ends the live trial under way; default: 1",
     )
-    parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
+    parser.add_argument("--config-folder", action="store_true", help="print the folder of the example plans, and exit")
     parser.add_argument(
         "--dry-run", action="store_true", help="check the plan; say what would be done, and what could be found"
     )
@@ -159,15 +159,15 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         plan = dataclasses.replace(plan, images=options.images)
     plan = _until(plan, options)
     path = options.out or (options.plan if resumed else beside / plan.name)
-    # Absolute, because the workers of a cluster stand elsewhere.
+    # Absolute, because the workers of a cluster have other working directories.
     folder = CampaignFolder(path.absolute() if options.dask else path)
     plan = folder.grown(plan)
     if options.next_trials is not None:
         plan = with_next_trials(plan, options.next_trials)
     if plan.until:
-        from sandbot_bringup.until import begun
+        from sandbot_bringup.until import with_start
 
-        plan = begun(plan)
+        plan = with_start(plan)
     if not options.batch:
         no_crew(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
@@ -183,8 +183,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
 
 def _until(plan: Plan, options: argparse.Namespace) -> Plan:
-    """The plan with what the command line says of the verdict; checked as if it had stood in the file."""
-    given = {key: getattr(options, key) for key in ("until", *OF_VERDICT)}
+    """The plan with the command line's options on the verdict, checked as if they were in the file."""
+    given = {key: getattr(options, key) for key in ("until", *VERDICT_KEYS)}
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return plan
@@ -193,7 +193,7 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
 
 
 def _not_ok(folder: CampaignFolder) -> dict[str, str]:
-    """The bags of the folder that are not ok or give no row, by name, and what they are."""
+    """The bags of the folder that are not ok or give no row, by name, with their statuses."""
     from sandbot_record.trials import from_bags as table
     from sandbot_record.trials.table import OK
 
@@ -206,7 +206,7 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
-    """The virtual lab's world; InputError where there is none to choose, or bed or cameras can't do what is asked."""
+    """The virtual lab's world. Raises InputError if there is no valid one, or if bed or cameras don't suit it."""
     from sandbot_bringup.batch import BED_STEP_S, check_film, choose_world
     from sandbot_lab.cameras import check_cameras
 
@@ -225,28 +225,28 @@ def _batch(
     options: argparse.Namespace,
     redo: Callable[[], Mapping[str, str]] | None,
 ) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
-    """All trials of the plan, as far as it has grown, and those that failed; bags of ``redo`` make room."""
+    """All trials of the final plan, and those that failed; bags of ``redo`` are moved away first."""
     from sandbot_bringup import batch, runner
-    from sandbot_bringup.until import decided
+    from sandbot_bringup.until import decide
 
     with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
         crew.check(folder.path)
-        folder.clear_torn()
+        folder.remove_unfinished()
         folder.set_aside(redo() if redo else {})
         failed: dict[str, str] = {}
         while True:
             trials = trials_of(plan)
-            todo = [one for one in folder.missing(trials) if one.trial_id not in failed]
+            todo = [trial for trial in folder.missing(trials) if trial.trial_id not in failed]
             if len(todo) < len(trials) and not plan.until:
                 print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
             setup = batch.Setup(plan, world, folder, files)
-            todo.sort(key=lambda one: one.run_order)
+            todo.sort(key=lambda trial: trial.run_order)
             outcome = runner.run(todo, functools.partial(batch.run_trial, setup), crew)
             failed |= dict(outcome.failed)
-            # A look at what happened to be there would choose other trials than one at all of them.
+            # A look at an incomplete set of trials would choose other trials than one at all of them.
             if not plan.until or outcome.cut_short or len(folder.missing(trials)) == len(trials):
                 return trials, list(failed.items())
-            plan, entry = decided(plan, folder, crew=crew)
+            plan, entry = decide(plan, folder, crew=crew)
             print(filled(f"look {entry['look']}: {entry['text']}"))
             if not entry["next"]:
                 return trials, list(failed.items())

@@ -1,4 +1,4 @@
-"""``unseal FOLDER``: open the virtual lab's sealed truth and hold the discovery against it."""
+"""``unseal FOLDER``: open the virtual lab's sealed truth and compare the discovery with it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ SCHEMAS = ("sandbot.discovery/1", "sandbot.discovery/2")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Console script; exit code 1 where the verdict and the truth disagree."""
+    """Console script; exit code 1 if the verdict and the truth disagree."""
     return cli.run(command, argv)
 
 
@@ -33,7 +33,7 @@ def command(argv: Sequence[str]) -> int:
     try:
         found = summary(discovery)
         truth = truth_of(read_world(folder.truth), read_plan(folder.plan_file))
-        # What the base model has already is not searched for, so the verdict can't name it.
+        # Effects of the base model are not searched for, so the verdict can't name them.
         agreement = judge(truth - set(BASES.get(discovery.get("model", ""), ())), discovery["verdict"])
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: not a whole discovery of schema sandbot.discovery/1 or /2: {error!r}") from None

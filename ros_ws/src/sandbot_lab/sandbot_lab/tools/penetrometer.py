@@ -29,7 +29,7 @@ def _command(argv: Sequence[str]) -> None:
     args = parser.parse_args(argv)
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is not a seed; 0 or more")
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only once the options are parsed, so that --help and errors are quick.
     from sandbot_lab.penetrometer import COLUMNS, DEPTHS_M, press
     from sandbot_lab.world import World, read_world
 
