@@ -68,7 +68,7 @@ def told(*words):
 def test_a_table_is_sandbots_until_another_robot_is_named(folder):
     trials, line = told("t.csv")
     assert trials.robot is None
-    assert line == "robot: not told, SandBot is assumed (--robot FILE.yaml names another)"
+    assert line == "robot: not given, SandBot is assumed (--robot FILE.yaml names another)"
     trials, line = told("t.csv", "--robot", "big.yaml")
     assert (trials.robot, line) == (BIG, "robot: big.yaml")
 

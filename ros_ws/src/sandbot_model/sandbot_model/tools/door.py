@@ -60,10 +60,10 @@ class Result:
     """What both return: a ladder of fits that prints, draws and reports itself."""
 
     content: Discovery | Comparison
-    """Everything that was found."""
+    """The full result."""
     trials: Trials
     notes: tuple[str, ...] = ()
-    """What is odd about the trials, one sentence each."""
+    """What is suspicious about the trials, one sentence each."""
 
     @property
     def steps(self) -> tuple[Fit, ...]:
