@@ -115,7 +115,7 @@ def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
         (["--cameras", "big.yaml"], "no camera in it"),
         (["--cameras", "wrong.yaml"], "wrong.yaml: accuracy: unknown key 'lift'"),
         (["--penetrometer", "absent.csv"], "absent.csv: no such file"),
-        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and a row"),
+        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and one row"),
     ],
 )
 def test_files_that_are_none_are_refused_in_one_line(folder, served, capsys, command, options, words):

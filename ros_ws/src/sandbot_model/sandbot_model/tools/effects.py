@@ -1,4 +1,4 @@
-"""effects: print the catalogue of physical effects, or a card for each of some."""
+"""effects: print the catalogue of physical effects, or cards of the ones named."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
