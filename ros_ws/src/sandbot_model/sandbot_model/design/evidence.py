@@ -43,7 +43,7 @@ def lack_of_fit_at(look: int, alpha: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Possible:
+class AddedEffect:
     """The named set with one more effect, held at a strength, and the evidence against it."""
 
     effect: str
@@ -71,16 +71,17 @@ class Possible:
         return math.exp(min(0.5 * self.rise, 700.0))
 
 
-def possible_beside(
+def added_effects(
     search: EffectSearch, named: Fit, alpha: float, share: float, more: Sequence[str]
-) -> list[Possible]:
+) -> list[AddedEffect]:
     """Each of the effects ``more`` added to the named set, at a share of its usual strength."""
     sets = [search.extended(named.effects, [name])[0] for name in more]
     held = [_held(search, name, named.effects, share) for name in more]
     fits = search.near([search.model(names, at) for names, at in zip(sets, held, strict=True)], named)
     needed = excluding_rise(named, alpha)
     return [
-        Possible(name, share, fit, fit.deviance - named.deviance, needed) for name, fit in zip(more, fits, strict=True)
+        AddedEffect(name, share, fit, fit.deviance - named.deviance, needed)
+        for name, fit in zip(more, fits, strict=True)
     ]
 
 

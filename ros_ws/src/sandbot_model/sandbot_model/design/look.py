@@ -11,7 +11,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.design.block import block
 from sandbot_model.design.curves import Curve, curves
 from sandbot_model.design.discrepancy import something_else
-from sandbot_model.design.evidence import USUAL, WEAK, Possible, at_every_look, lack_of_fit_at, possible_beside
+from sandbot_model.design.evidence import USUAL, WEAK, AddedEffect, added_effects, at_every_look, lack_of_fit_at
 from sandbot_model.design.explanations import explained_by
 from sandbot_model.design.places import Places
 from sandbot_model.design.reach import gains_over
@@ -67,7 +67,7 @@ class Look:
     """The result of one look. ``stop`` says why the campaign may end; if empty, it continues with ``block``."""
 
     found: Discovery
-    possible: tuple[Possible, ...]
+    possible: tuple[AddedEffect, ...]
     """Effects tested in addition to those named, the least excluded first."""
     within_reach: tuple[str, ...]
     """Those of them that are not settled yet and that the plan can settle."""
@@ -132,8 +132,8 @@ def look(
     criteria = at_every_look(alpha, len(effects), criteria)
     found = discover(cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all)
     places = Places.of(plan.conditions, found.fit, plan.gait)
-    possible: list[Possible] = []
-    open_ones: list[Possible] = []
+    possible: list[AddedEffect] = []
+    open_ones: list[AddedEffect] = []
     match found.verdict.status:
         case "adequate" | "identified" | "ambiguous":
             equivalent = _equivalent(found)
@@ -143,7 +143,7 @@ def look(
                 catalogue = {**effects, **found.fit.model.catalogue}
                 search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
                 possible, open_ones = _possible(search, found.fit, places, plan, alpha)
-                rivals = [*equivalent, *(one.fit for one in open_ones)]
+                rivals = [*equivalent, *(added.fit for added in open_ones)]
                 stop = "" if open_ones else ENOUGH if len(equivalent) == 1 else ALIKE
         case status:
             rivals = [fit for fit in found.fits if sound(fit)] or [found.fit]
@@ -152,7 +152,7 @@ def look(
     rivals = rivals[:RIVALS]
     block = () if stop else _next_block(rivals, places, plan, criteria)
     drawn = curves(rivals, {trial.phi for trial in block}, [omega for _, omega in plan.conditions], places.clock)
-    return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block, drawn)
+    return Look(found, tuple(possible), tuple(added.effect for added in open_ones), stop, block, drawn)
 
 
 def _equivalent(found: Discovery) -> list[Fit]:
@@ -163,7 +163,7 @@ def _equivalent(found: Discovery) -> list[Fit]:
 
 def _possible(
     search: EffectSearch, named: Fit, places: Places, plan: Plan, alpha: float
-) -> tuple[list[Possible], list[Possible]]:
+) -> tuple[list[AddedEffect], list[AddedEffect]]:
     """Every effect that is not named, the least excluded first, at weak strength where the plan can show that, else at
     usual strength; then those of them that are still open.
 
@@ -172,21 +172,21 @@ def _possible(
     """
     gain = gains_over(named, places, plan.replicates)
 
-    def is_open(one: Possible) -> bool:
-        return one.favoured or (not one.excluded and gain(one.fit) > (math.sqrt(one.needed) + Z) ** 2)
+    def is_open(added: AddedEffect) -> bool:
+        return added.favoured or (not added.excluded and gain(added.fit) > (math.sqrt(added.needed) + Z) ** 2)
 
     more = [name for name in search.names if name not in named.effects]
-    weak = possible_beside(search, named, alpha, WEAK, more)
-    open_ones = [one for one in weak if is_open(one)]
-    too_weak = [one for one in weak if not one.excluded and one not in open_ones]
-    usual = possible_beside(search, named, alpha, USUAL, [one.effect for one in too_weak])
-    open_ones += [one for one in usual if is_open(one)]
-    shown = [one for one in weak if one not in too_weak]
+    weak = added_effects(search, named, alpha, WEAK, more)
+    open_ones = [added for added in weak if is_open(added)]
+    too_weak = [added for added in weak if not added.excluded and added not in open_ones]
+    usual = added_effects(search, named, alpha, USUAL, [added.effect for added in too_weak])
+    open_ones += [added for added in usual if is_open(added)]
+    shown = [added for added in weak if added not in too_weak]
     return sorted([*shown, *usual], key=_rise), sorted(open_ones, key=_rise)
 
 
-def _rise(one: Possible) -> float:
-    return one.rise
+def _rise(added: AddedEffect) -> float:
+    return added.rise
 
 
 def _separable(fits: Sequence[Fit], places: Places, plan: Plan, clearly: float) -> bool:

@@ -38,7 +38,7 @@ def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedF
     """The first formula on top of one of the sets that leaves no lack of fit, without nuisances or else with all of
     them; failing that, the best without. If the lift's zero is off, any formula seems to gain something."""
     wanted = list(dict.fromkeys(sets))
-    search.fit("formula, beside an effect", [names for names in wanted if names not in search.fits], nearby=False)
+    search.fit("formula, on top of effects", [names for names in wanted if names not in search.fits], nearby=False)
     best = _sufficient_or_best(search, [search.fits[names] for names in wanted])
     if best is None or best.leaves_nothing:
         return best
