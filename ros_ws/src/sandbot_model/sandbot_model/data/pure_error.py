@@ -28,8 +28,8 @@ HALF_SHRUNK = 20
 SLOPE_PRIOR = (0.0, 2.0)
 """Prior mean and standard deviation of the power of ω that a variance follows."""
 REGIME_SLOPE_SD = 0.7
-"""Prior standard deviation of a regime's power of ω about that of both: it is 0 for noise of the sensors, 2 for
-set-point errors of φ, and a few cells at one end would otherwise give a trend by chance."""
+"""Prior standard deviation of a regime's power of ω about that of both regimes. The power is 0 for sensor noise, 2 for
+set-point errors of φ; without the prior, a few cells at one end would give a trend by chance."""
 PRIOR_DOF = 2.0
 """Degrees of freedom of a prior: of the scatter of both regimes for each of them, and of a usual lab's where all
 replicates are few."""

@@ -55,7 +55,7 @@ COARSE = 0.5
 RUNS_BACK = 0.1
 """Share of trials as far below 0 as others are above, beyond which they are not outliers but backward runs."""
 MOVED = 0.1
-"""Ratio to the kinematic limit beyond which a robot has moved: if it is stuck, half the readings are below 0."""
+"""Ratio to the kinematic limit beyond which a robot has moved; half the readings of a stuck one are below 0."""
 A_FEW = 2
 """Number of trials that may be outliers even in a small table, whatever their share."""
 WIDE = 0.0015

@@ -29,7 +29,7 @@ NAME = "residual"
 """What the formula is called, or residual_2 and so on where the user has one of that name."""
 MOST_TERMS = 2
 LEAST_CHANGE = 0.5
-"""Change of a lever that a fit may make at least; a score test far from the minimum predicts the sign at best."""
+"""Change of a lever that each term's range allows at least: far from the minimum, a score test gives at best a sign."""
 SEARCHED_GLOBALLY = 4
 """Levers whose best term is searched globally after the local fits; of the best lever, all terms are."""
 

@@ -39,7 +39,7 @@ def at_random(fit: Fit, criteria: Criteria) -> bool:
 
 
 def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
-    """p-value of the batches' offsets ``name`` having no trend over φ, ω (to second order), run order and gait.
+    """p-value of a test for a trend of the batches' offsets ``name`` over φ, ω (to second order), run order and gait.
 
     Averaged over the posterior of their standard deviation; NaN where no such trend is possible.
     """
@@ -53,7 +53,7 @@ def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
 
 
 def smooth_p(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
-    """p-value of the offsets being no smoother over φ and ω than random ones, drawn with σ_b from its posterior."""
+    """p-value of a test for offsets smoother over φ and ω than random ones, drawn with σ_b from its posterior."""
     residual, unknowns, batches, others = model = _linear_model(fit, name)
     contrasts, (sizes, share) = free_of(unknowns, others), _scatter(model, priors(fit, criteria)[name])
     axes, scale, turned = np.linalg.svd(contrasts @ batches, full_matrices=False)
