@@ -20,7 +20,7 @@ from sandbot_common.accuracy import USUAL
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.regime import peaks_seen, swum_at_once
+from sandbot_model.data.regime import peaks_seen, swam_from_start
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.physics.catalogue import catalogue
@@ -91,7 +91,7 @@ def table_of(trials: Trials) -> Table:
     omega, gait = np.asarray(trials.omega_rad_s, dtype=float), str(trials.gait[0])
     seen = peaks_seen([gait] * len(omega), omega, values, SANDBOT, USUAL, USUAL_FRAME_RATE_HZ)
     values[~seen, Observable.peak_speed] = np.nan
-    values[swum_at_once([gait] * len(omega), omega, values), Observable.first_step] = np.nan
+    values[swam_from_start([gait] * len(omega), omega, values), Observable.first_step] = np.nan
     phi = np.asarray(trials.phi, dtype=float)
     level = phi_levels(phi)
     keys, condition = np.unique(np.stack([level, omega]), axis=1, return_inverse=True)

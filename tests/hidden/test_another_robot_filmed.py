@@ -79,7 +79,7 @@ def test_the_hidden_effect_is_named_with_its_parameters(filmed, tmp_path, capsys
     assert command.main([str(filmed), "--max-effects", "1", "--workers", "1", "--json", str(out)]) == 0
     found = json.loads(out.read_text())
     assert (found["verdict"]["status"], found["verdict"]["effects"]) == ("identified", ["stance_overlap"])
-    assert "robot: as the bags tell" in capsys.readouterr().out
+    assert "robot: as in the bags" in capsys.readouterr().out
     for name, truth in (("stance_overlap.eta", ETA), ("delta_t_s", DELTA_T_S)):
         value = found["steps"][-1]["parameters"][name]
         assert abs(value["value"] - truth) < 3 * value["stderr"]

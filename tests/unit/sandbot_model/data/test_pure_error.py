@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_model.data.pure_error import FLOOR, PRIOR, pure_error
+from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, pure_error
 
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
@@ -101,7 +101,7 @@ def test_a_usual_lab_counts_beside_few_replicates_and_not_beside_many(pairs):
     residual = np.zeros((len(cell), 4))
     residual[: 2 * pairs : 2], residual[1 : 2 * pairs : 2] = 1e-3 * SCALE, -1e-3 * SCALE
     error = pure_error(residual, cell, count, np.ones(40, dtype=bool), np.full(40, 8.0), SCALE)
-    least = np.sqrt(PRIOR / (pairs + PRIOR)) * SCALE
+    least = np.sqrt(PRIOR_DOF / (pairs + PRIOR_DOF)) * SCALE
     assert (np.sqrt(np.diagonal(error.covariance[0])) >= 0.99 * least).all()
     assert (error.sd < 0.01 * SCALE).all()  # what is told of the replicates is their own
 

@@ -56,7 +56,7 @@ def test_a_trial_far_out_is_named():
 def test_runs_there_and_back_are_refused(every):
     """They scatter by twice their speed, and any model held."""
     back = CLEAN.speed_m_s * np.where(np.arange(len(CLEAN)) % every, 1, -1)
-    with pytest.raises(InputError, match=r"^day1.csv: speed_m_s is -.* were these runs back\? then times -1"):
+    with pytest.raises(InputError, match=r"^day1.csv: speed_m_s is -.* runs backwards\? then multiply by -1"):
         checked(replace(CLEAN, speed_m_s=back), "day1.csv")
 
 
@@ -84,7 +84,7 @@ def test_a_status_that_may_mean_ok_is_named():
     def of_status(word):
         return replace(CLEAN, status=np.where(np.arange(len(CLEAN)) < 2, word, CLEAN.status))
 
-    assert checked(of_status("Good")) == ("2 trials are left out by their status, Good: only ok is ok",)
+    assert checked(of_status("Good")) == ("2 trials are left out because of their status, Good: only ok is used",)
     assert checked(of_status("slipped")) == ()
 
 
@@ -117,7 +117,7 @@ def test_an_order_that_is_not_told_of_all_is_named():
     told = replace(nobody, started=np.full(len(CLEAN), "04.05.2026 08:10", dtype=object))
     (note,) = checked(told)
     assert note.startswith(
-        f"started tells no order: '04.05.2026 08:10' in {CLEAN.trial_id[0]} is not as 2026-05-04T08:10"
+        f"started gives no order: '04.05.2026 08:10' in {CLEAN.trial_id[0]} is not like 2026-05-04T08:10"
     )
 
 
@@ -187,7 +187,7 @@ def test_what_cannot_be_is_refused(odd, words):
 def test_a_single_value_that_cannot_be_is_named_and_not_refused():
     (note, *_) = checked(changed("first_step_m", 7, 4.0))
     assert note.startswith(
-        f"1 of first_step_m can't be: first_step_m is 4 in {CLEAN.trial_id[7]}, where legs of 0.0355 m"
+        f"1 impossible first_step_m: first_step_m is 4 in {CLEAN.trial_id[7]}, where legs of 0.0355 m"
     )
 
 
@@ -200,7 +200,7 @@ def test_a_body_that_coasts_beyond_its_step_is_possible():
     far = direct_trials(World(effects={"belly_coast": {"mu_b": 0.3}}), [0.633], [24.0, 30.0], replicates=3, seed=1)
     coasting = from_rows([Row(**row) for row in far])
     assert (coasting.speed_m_s > 1.25 * 2 * 0.0355 * coasting.omega_rad_s / np.pi).any()
-    assert not [note for note in checked(coasting) if "can't be" in note]
+    assert not [note for note in checked(coasting) if "impossible" in note]
 
 
 def test_what_another_robot_can_do_is_named_and_not_refused():

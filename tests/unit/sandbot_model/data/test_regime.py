@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.regime import WALKING_LIFT_M, WALKING_SPEED_M_S, begins_on_both, swum_at_once, walks
+from sandbot_model.data.regime import WALKING_LIFT_M, WALKING_SPEED_M_S, starts_on_both_tripods, swam_from_start, walks
 from sandbot_record.trials.table import Row, from_rows
 
 
@@ -58,13 +58,13 @@ def test_a_surer_answer_asks_for_more_lift():
 def test_the_first_step_of_a_swimmer_with_uneven_legs_says_nothing(gait, speed, lift, first, left_out):
     """Controls: even legs, a first step that held before the collapse, a walker."""
     omega, values = np.full(3, 12.0), np.tile([speed, lift, 0.1, first], (3, 1))
-    assert swum_at_once([gait] * 3, omega, values).tolist() == [left_out] * 3
+    assert swam_from_start([gait] * 3, omega, values).tolist() == [left_out] * 3
     trials = from_rows([Row("t", 0.6, 0.001, 12.0, gait, n, speed, np.nan, lift, 0.1, first, "ok") for n in range(3)])
     assert bool(np.isnan(cells_of(trials).mean[0, 3])) == left_out
 
 
 def test_a_first_step_that_two_legs_take_says_nothing():
     gaits = ["SGCS", "UNIFORM", "HGCS", "CUSTOM(1.0 0.0 0.6)"]
-    assert begins_on_both(gaits).tolist() == [False, False, True, True]
+    assert starts_on_both_tripods(gaits).tolist() == [False, False, True, True]
     row = Row("t", 0.6, 0.001, 12.0, "HGCS", 1, 0.1, np.nan, 0.004, 0.1, 0.03, "ok")
     assert np.isnan(cells_of(from_rows([row])).mean[0, 3])

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.rounding import rounded_alike, rounding_sd, rounding_step
+from sandbot_model.data.rounding import rounding_sd, rounding_step, shared_rounding_variance
 from sandbot_model.discovery.compare import compare
 from sandbot_record.trials.read import read
 
@@ -33,15 +33,16 @@ def test_means_of_rounded_replicates_are_off_by_what_is_said(scatter, count):
     rounded = np.round(true + scatter * rng.normal(size=(200_000, count)))
     off = np.var(rounded.mean(axis=1) - true[:, 0])
     one = np.array([[scatter**2 + 1 / 12]])
-    said = one / count + rounded_alike(np.array([1 / np.sqrt(12)]), one, np.array([[count]]))
+    said = one / count + shared_rounding_variance(np.array([1 / np.sqrt(12)]), one, np.array([[count]]))
     assert said[0, 0] == pytest.approx(off, rel=0.02)
 
 
 def test_numbers_that_were_not_rounded_are_as_they_were():
     exact = np.random.default_rng(2).normal(size=(50, 4))
     assert rounding_sd(exact).tolist() == [0.0] * 4
-    assert not rounded_alike(np.zeros(4), np.ones((3, 4)), np.full((3, 4), 3)).any()
-    assert not rounded_alike(np.ones(4), np.full((3, 4), np.nan), np.ones((3, 4), dtype=int)).any()  # no replicates
+    assert not shared_rounding_variance(np.zeros(4), np.ones((3, 4)), np.full((3, 4), 3)).any()
+    no_replicates = np.full((3, 4), np.nan)
+    assert not shared_rounding_variance(np.ones(4), no_replicates, np.ones((3, 4), dtype=int)).any()
 
 
 def test_a_true_model_is_not_refused_because_replicates_are_rounded_alike():

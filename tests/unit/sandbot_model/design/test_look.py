@@ -61,7 +61,7 @@ def test_what_the_data_lean_to_is_not_out_of_reach(seed, leans):
     found = seen("inertial_drag(lambda_=1)", seed=seed, size=0.5)
     assert found.found.verdict.status == "adequate"
     drag = next(one for one in found.possible if one.effect == "inertial_drag")
-    assert drag.spoken_for == leans
+    assert drag.favoured == leans
     assert ("inertial_drag" in found.within_reach, found.stop == ENOUGH) == (leans, not leans)
 
 

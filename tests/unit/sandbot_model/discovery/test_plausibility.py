@@ -8,7 +8,7 @@ import pytest
 
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.plausibility import doubts, strange_k
+from sandbot_model.discovery.plausibility import doubts, implausible_k
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
@@ -68,7 +68,7 @@ def test_few_cells_prove_nothing(trials):
 
 def test_stiffness_far_from_the_grains_is_pointed_out(trials):
     right = fit(model_of("simple", (), {}), as_of(trials))
-    assert strange_k(right) == ""
+    assert implausible_k(right) == ""
     heavy = Robot(mass_per_leg_kg=3 * SANDBOT.mass_per_leg_kg)
-    found = strange_k(fit(model_of("simple", (), {}, heavy), as_of(trials, mass_per_leg_kg=heavy.mass_per_leg_kg)))
+    found = implausible_k(fit(model_of("simple", (), {}, heavy), as_of(trials, mass_per_leg_kg=heavy.mass_per_leg_kg)))
     assert "times what a leg of this size meets in poppy seeds" in found

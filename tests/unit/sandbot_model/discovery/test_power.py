@@ -10,7 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import SCALE_SD, Readings
 from sandbot_model.discovery import error_rates as module
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.error_rates import Rate, error_rates, pressed_anew, simulated
+from sandbot_model.discovery.error_rates import Rate, error_rates, redrawn_readings, simulated
 from sandbot_model.discovery.power import Detectable, detectable, expected, in_words
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
@@ -125,13 +125,13 @@ def test_verdicts_on_simulated_campaigns_are_counted(drawn):
 
 def test_readings_are_drawn_anew_from_the_truth_as_uncertain_as_they_were(harder_below):
     truth = fit(model_of("simple", ("depth_nonlinearity",), DEEPER), cells_of(harder_below, pressed()))
-    first, again, other = (pressed_anew(truth, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    first, again, other = (redrawn_readings(truth, np.random.default_rng(seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.force_n, again.force_n)
     assert np.abs(first.force_n - other.force_n).min() > 0
     np.testing.assert_array_equal(first.phi, PRESSED_PHI)
     np.testing.assert_array_equal(first.depth_m, PRESSED_M)
     np.testing.assert_array_equal(first.force_sd_n, pressed().force_sd_n)
-    many = np.array([pressed_anew(truth, np.random.default_rng(seed)).force_n for seed in range(400)])
+    many = np.array([redrawn_readings(truth, np.random.default_rng(seed)).force_n for seed in range(400)])
     said, _ = truth.press(first.phi, first.depth_m)
     z = (many - said) @ truth.cells.pressed.whiten.T
     assert np.abs(z.mean(axis=0)).max() < 0.3
@@ -142,7 +142,7 @@ def test_readings_are_drawn_anew_from_the_truth_as_uncertain_as_they_were(harder
 
 def test_a_campaign_without_readings_has_none_drawn(drawn):
     truth = fit(model_of("simple", (), OVERLAP), cells_of(drawn(levels=4)))
-    assert pressed_anew(truth, np.random.default_rng(0)) is None
+    assert redrawn_readings(truth, np.random.default_rng(0)) is None
 
 
 def test_simulated_campaigns_are_judged_with_readings_of_their_own(harder_below, monkeypatch):

@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.residual import SuggestedFormula, _score, _tried, suggest_formula
+from sandbot_model.discovery.residual import SuggestedFormula, _fit_guesses, _score, suggest_formula
 from sandbot_model.discovery.scored_terms import guesses
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
@@ -150,7 +150,7 @@ def test_the_score_test_predicts_what_the_fit_gains(drawn):
     base = base_fit(drawn(seed=5, formulas=[formula]))
     promising = guesses(base, "residual", terms(base), None, DEFAULT.term)
     assert promising
-    tried = _tried(base, promising, EFFECTS, map, lambda _done, _total: None)
+    tried = _fit_guesses(base, promising, EFFECTS, map, lambda _done, _total: None)
     gains = np.array([base.deviance - one.fit.deviance for one in tried])
     expected = np.array([one.guess.gain for one in tried])
     np.testing.assert_allclose(gains, expected, rtol=0.25)

@@ -5,7 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.scored_terms import PER_LEVER, SAME, guesses, unused_name
+from sandbot_model.discovery.scored_terms import COLLINEAR, PER_LEVER, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.jacobian import tangent_basis
@@ -36,7 +36,7 @@ def test_few_are_proposed_a_lever_and_no_two_say_the_same(planted):
         own = [guess for guess in found if guess.lever == lever]
         assert len(own) <= PER_LEVER
         for i, one in enumerate(own):
-            assert all(abs(one.direction @ other.direction) < SAME for other in own[i + 1 :])
+            assert all(abs(one.direction @ other.direction) < COLLINEAR for other in own[i + 1 :])
 
 
 def test_a_direction_is_orthogonal_to_what_the_fit_absorbs(planted):

@@ -10,7 +10,7 @@ from sandbot_lab.world import World, null_world
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.untested import repeats, unnoticed, untested
+from sandbot_model.discovery.untested import repeats, undetected_miss, untested
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
@@ -87,9 +87,9 @@ def test_replicates_throughout_are_tested():
 
 
 def test_the_gross_miss_is_that_of_the_f_test():
-    assert unnoticed(6, DEFAULT) == pytest.approx(2.98, abs=0.01)
-    assert unnoticed(2, DEFAULT) > 10
-    assert all(unnoticed(one, DEFAULT) > unnoticed(one + 1, DEFAULT) for one in range(1, 40))
+    assert undetected_miss(6, DEFAULT) == pytest.approx(2.98, abs=0.01)
+    assert undetected_miss(2, DEFAULT) > 10
+    assert all(undetected_miss(one, DEFAULT) > undetected_miss(one + 1, DEFAULT) for one in range(1, 40))
 
 
 def test_error_bars_of_a_figure_are_pure_error():

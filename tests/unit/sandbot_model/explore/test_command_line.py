@@ -57,7 +57,7 @@ def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_pat
         (["--dask", "tcp://host:1"], "--dask: only the draws of --bootstrap N"),
         (["--hold", "delta_t_s=-1"], "--hold delta_t_s=-1: at least 0.02 is needed"),
         (["--effects", "leg_slip", "--hold", "leg_slip.sigma=2"], "sigma=2: at least 0 and at most 0.9 is needed"),
-        (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that say them too"),
+        (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that do so, too"),
         (["--selection", "held.yaml", "--bootstrap", "2"], "held.yaml: by_hand: a parameter held by hand has no"),
         (["--selection", "trials.csv"], "trials.csv"),
     ],

@@ -64,7 +64,7 @@ def test_a_trial_of_another_robot_than_that_of_the_parameters_is_said_so(tmp_pat
     node = Unwired(robot=str(tmp_path / "robot.yaml"))
     node.hears(robot=to_mapping(BIG))
     node._use(node._settings.current)
-    assert "for another robot than /trial tells" in node._health.text
+    assert "for another robot than that of /trial" in node._health.text
     assert node._predictor.model.robot.leg_radius_m == 0.04
 
 

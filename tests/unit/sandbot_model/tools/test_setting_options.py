@@ -68,7 +68,7 @@ def told(*words):
 def test_a_table_is_sandbots_until_another_robot_is_named(folder):
     trials, line = told("t.csv")
     assert trials.robot is None
-    assert line == "robot: not told, SandBot is assumed (--robot FILE.yaml names another)"
+    assert line == "robot: not given, SandBot is assumed (--robot FILE.yaml names another)"
     trials, line = told("t.csv", "--robot", "big.yaml")
     assert (trials.robot, line) == (BIG, "robot: big.yaml")
 
@@ -115,7 +115,7 @@ def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
         (["--cameras", "big.yaml"], "no camera in it"),
         (["--cameras", "wrong.yaml"], "wrong.yaml: accuracy: unknown key 'lift'"),
         (["--penetrometer", "absent.csv"], "absent.csv: no such file"),
-        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and a row"),
+        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and one row"),
     ],
 )
 def test_files_that_are_none_are_refused_in_one_line(folder, served, capsys, command, options, words):

@@ -1,4 +1,4 @@
-"""Measured values that scatter about a few targets, gathered into levels."""
+"""Clustering of measured values that scatter about a few targets into levels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +10,16 @@ MOST_LEVELS = 40
 SMALLEST_SCATTER = 2.5e-4
 """Scatter of φ [1] below which replicates count as one value."""
 WIDEST_SCATTER = 2e-3
-"""Scatter of φ beyond which trials are no replicates, whatever they were meant to be: a bed meets its target to 0.0005
-or 0.001, and over more the ground is another."""
+"""Scatter of φ beyond which trials are not replicates, whatever was intended: a bed meets its target to 0.0005 or
+0.001, and over a wider range the ground differs."""
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
 
 
 def conditions(phi: Floats, gait: NDArray[np.str_], omega: Floats) -> tuple[Ints, Ints]:
-    """Which condition each trial ``(n,)`` is of, and the (φ level, gait, ω) of each as indices ``(3, conditions)``.
+    """The condition of each trial ``(n,)``, and each condition's (φ level, gait, ω) as indices ``(3, conditions)``.
 
-    Conditions are sorted by these; gaits are counted by name, ω from the lowest.
+    Conditions are sorted by these; gaits are numbered by name, ω from the lowest.
     """
     index = np.unique(np.asarray(gait, dtype=str), return_inverse=True)[1]
     keys = np.stack([phi_levels(phi), index, same_within(omega, OMEGA_TOLERANCE)])
@@ -31,9 +31,9 @@ def phi_levels(phi: Floats) -> Ints:
     """The level of each measured volume fraction ``(n,)``, counted from the loosest.
 
     Optimal one-dimensional k-means for each number of levels (dynamic programming on a histogram of 10⁻⁴), the number
-    chosen by the Bayesian information criterion of a common scatter. A bed that missed its target a little, or levels
-    0.003 apart with a scatter of 0.0007, are told apart where a fixed gap would not. No level is wider than
-    ``WIDEST_SCATTER``: where φ is met badly, or each trial has its own, levels are classes of it.
+    chosen by the Bayesian information criterion with a common scatter. It copes with beds that missed their target a
+    little, and with levels 0.003 apart that scatter by 0.0007, where a fixed gap fails. No level scatters by more than
+    ``WIDEST_SCATTER``: where φ is reproduced badly, or each trial has its own, levels are classes of φ.
     """
     values, inverse, counts = np.unique(np.round(phi, 4), return_inverse=True, return_counts=True)
     most = min(MOST_LEVELS, len(values))
@@ -73,12 +73,12 @@ def _criterion(squares: float, groups: Ints) -> float:
 def widest_scatter(phi: Floats, groups: Ints) -> float:
     """Standard deviation of φ in the group where it is largest."""
     count = np.bincount(groups)
-    apart = phi - (np.bincount(groups, phi) / count)[groups]
-    return float(np.sqrt((np.bincount(groups, apart**2) / count).max()))
+    deviation = phi - (np.bincount(groups, phi) / count)[groups]
+    return float(np.sqrt((np.bincount(groups, deviation**2) / count).max()))
 
 
 def _cost(values: Floats, weights: Floats) -> Floats:
-    """Sum of squares about their mean of values i..j, shape ``(n, n)``, infinite for i > j."""
+    """Sum of squares of values i..j about their mean ``(n, n)``, infinite for i > j."""
     centred = values - values.mean()
     weight, first, second = (
         np.concatenate([[0.0], np.cumsum(weights * power)]) for power in (1.0, centred, centred**2)

@@ -1,4 +1,4 @@
-"""Trials gathered into cells: the replicates of one (volume fraction, leg frequency, gait) and what they scatter.
+"""Trials gathered into cells: the replicates of one (volume fraction, leg frequency, gait), their means and scatter.
 
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
@@ -16,8 +16,8 @@ from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
-from sandbot_model.data.regime import begins_on_both, peaks_seen, swum_at_once, walks
-from sandbot_model.data.rounding import rounded_alike, rounding_sd
+from sandbot_model.data.regime import peaks_seen, starts_on_both_tripods, swam_from_start, walks
+from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
 from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
@@ -40,7 +40,7 @@ class Cells:
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
     n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
     mean: Floats = field(
-        metadata={"shape": "(n, 4)", "doc": "cell means brought to the level's φ; NaN where not measured"}
+        metadata={"shape": "(n, 4)", "doc": "cell means corrected to the level's φ; NaN where not measured"}
     )
     sd: Floats = field(metadata={"shape": "(n, 4)", "doc": "replicate scatter of the cell; NaN below two"})
     sem: Floats = field(metadata={"shape": "(n, 4)", "doc": "standard error of the mean, from pooled pure error"})
@@ -48,7 +48,7 @@ class Cells:
     covariance: Floats = field(metadata={"shape": "(n, 4, 4)", "doc": "covariance of the cell means"})
     pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
     own_scatter: NDArray[np.bool_] = field(
-        metadata={"doc": "(n,), cells taken at their own scatter (see ``pure_error``)"}
+        metadata={"doc": "(n,), cells whose own scatter is used, not the pooled one (see ``pure_error``)"}
     )
     phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
     phi_reliability: float = field(
@@ -57,23 +57,23 @@ class Cells:
     trials: int
     excluded: int = 0
     pressed: Pressed | None = None
-    """What a penetrometer says of the levels (see ``penetrometer``)."""
+    """Penetrometer readings at the levels (see ``penetrometer``)."""
     robot: Robot = SANDBOT
     """The robot that walked."""
     accuracy: Accuracy = USUAL
     """How well it was measured."""
     bars_of_trials: bool = False
-    """Whether there are error bars that say nothing of pure error (see ``stated_error``)."""
+    """Whether there are error bars of single trials, which do not give pure error (see ``stated_error``)."""
     batch_share: Floats | None = field(
         default=None,
-        metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is told"},
+        metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is named"},
     )
     batch_mean: Floats | None = field(
         default=None,
         metadata={"doc": "(n, batches, 4), mean of a cell's trials in each batch; NaN without any"},
     )
     order: Floats | None = field(
-        default=None, metadata={"doc": "(n,), mean place in the campaign from -1/2 to 1/2; None: not told"}
+        default=None, metadata={"doc": "(n,), mean position in the run order from -1/2 to 1/2; None: unknown"}
     )
 
     @property
@@ -83,24 +83,24 @@ class Cells:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about a penetrometer's readings, one sentence each."""
+        """Which penetrometer readings are not used, one sentence each."""
         return self.pressed.notes if self.pressed else ()
 
     def __len__(self) -> int:
         return len(self.omega)
 
     def without(self, cells: int | NDArray[np.int64]) -> "Cells":
-        """All cells but these, and no batch without a trial; the levels stay, even if one of them is empty then."""
+        """All cells but these, without batches that then have no trial; all levels are kept, even if empty."""
         keep = ~np.isin(np.arange(len(self)), cells)
         over_cells = {name: value for name, value in vars(self).items() if name not in NOT_OVER_CELLS}
         shorter: dict[str, Any] = {
             name: value[keep] for name, value in over_cells.items() if isinstance(value, np.ndarray)
         }
         if self.batch_share is not None and self.batch_mean is not None:
-            left = shorter["batch_share"].any(axis=0)
-            shorter |= {"batch_share": shorter["batch_share"][:, left], "batch_mean": shorter["batch_mean"][:, left]}
-        gone, gait = int(self.n[~keep].max(axis=1).sum()), tuple(np.array(self.gait)[keep].tolist())
-        shorter |= {"trials": self.trials - gone, "excluded": self.excluded + gone}
+            kept = shorter["batch_share"].any(axis=0)
+            shorter |= {"batch_share": shorter["batch_share"][:, kept], "batch_mean": shorter["batch_mean"][:, kept]}
+        removed, gait = int(self.n[~keep].max(axis=1).sum()), tuple(np.array(self.gait)[keep].tolist())
+        shorter |= {"trials": self.trials - removed, "excluded": self.excluded + removed}
         return replace(self, gait=gait, clock=self.clock[keep], **shorter)
 
 
@@ -111,8 +111,8 @@ NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials that are not ``usable``, or without ω, are left out and counted.
 
-    Trials without a robot are taken to be SandBot's, filmed at the usual rate. ``readings`` are a penetrometer's.
-    Raises InputError if no trial is left, or no reading is at the trials' φ.
+    Trials without a robot are taken to be SandBot's, those without a frame rate to be filmed at the usual one.
+    ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
     values = np.stack(
@@ -128,7 +128,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
     robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
     values[~peaks_seen(gait, omega, values, robot, accuracy, rate_hz), Observable.peak_speed] = np.nan
-    values[swum_at_once(gait, omega, values) | begins_on_both(gait), Observable.first_step] = np.nan
+    values[swam_from_start(gait, omega, values) | starts_on_both_tripods(gait), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
@@ -137,7 +137,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
 
 
 def cell_of(trials: Trials, cells: Cells) -> Ints:
-    """Index of the cell that each trial belongs to ``(trials,)``, excluded ones too; -1 for those of none."""
+    """Index of the cell that each trial, even an excluded one, belongs to ``(trials,)``; -1 if to none."""
     level = np.abs(trials.phi[:, None] - cells.level_phi).argmin(axis=1)
     same = (level[:, None] == cells.level) & np.isfinite(trials.phi)[:, None]
     same &= np.abs(trials.omega_rad_s[:, None] - cells.omega) <= OMEGA_TOLERANCE * cells.omega
@@ -200,8 +200,8 @@ def _gather(
     error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
-    alike = rounded_alike(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
-    covariance = _of_the_mean(error.covariance, count, usual) + _shared(mean, accuracy, alike)
+    alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
+    covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     names = tuple(np.unique(gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(
@@ -225,15 +225,15 @@ def _gather(
         excluded=excluded,
         batch_share=share,
         batch_mean=by_batch,
-        order=_place(order, cells),
+        order=_run_position(order, cells),
     )
 
 
 def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
-    """``batch_share`` and ``batch_mean``; none where at most one batch is told."""
+    """``batch_share`` and ``batch_mean``; None where at most one batch is named."""
     if len(np.unique(batch)) < 2:
         return None, None
-    # Of a trial that names none nothing is known but its condition, as where no trial names any.
+    # Trials without a batch are grouped by condition, as they are where no trial names any.
     own_condition = np.char.add("\0", cells.index.astype(str))
     names, index = np.unique(np.where(batch == "", own_condition, batch), return_inverse=True)
     own = index[:, None] == np.arange(len(names))
@@ -241,8 +241,8 @@ def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[
     return cells.means(own.astype(float)), np.stack(means, axis=1)
 
 
-def _place(order: Floats, cells: _Groups) -> Floats | None:
-    """Mean place of each cell in the campaign ``(groups,)``, from -1/2 at its beginning to 1/2 at its end."""
+def _run_position(order: Floats, cells: _Groups) -> Floats | None:
+    """Mean position of each cell in the run order ``(groups,)``, from -1/2 for the first trial to 1/2 for the last."""
     if not np.isfinite(order).all() or not np.ptp(order) > 0:
         return None
     return cells.mean((order - order.min()) / np.ptp(order) - 0.5)
@@ -251,7 +251,7 @@ def _place(order: Floats, cells: _Groups) -> Floats | None:
 def _at_level_phi(
     values: Floats, from_level: Floats, from_cell: Floats, cells: _Groups, keys: Ints, level_phi: Floats
 ) -> tuple[Floats, float]:
-    """Values ``(trials, 4)`` brought to their level's φ, and the share of φ's deviations that is real.
+    """Values ``(trials, 4)`` corrected to their level's φ, and the share of φ's deviations that is real.
 
     ``from_level``, ``from_cell (trials,)`` are the deviations of φ from its level's mean and from its cell's.
     """
@@ -261,10 +261,10 @@ def _at_level_phi(
     return values - rho * slope * from_level[:, None], rho
 
 
-def _of_the_mean(covariance: Floats, count: Ints, usual: Floats) -> Floats:
-    """Covariance of cell means from that of one trial ``(n, 4, 4)`` and the replicates ``(n, 4)``.
+def _covariance_of_means(covariance: Floats, count: Ints, usual: Floats) -> Floats:
+    """Covariance of cell means from that of one trial ``(n, 4, 4)`` and the number of replicates ``(n, 4)``.
 
-    Without any replicates pure error is unknown: weights are then the ``usual`` ones ``(4,)``; nothing can be tested.
+    Without any replicates pure error is unknown: the ``usual`` one ``(4,)`` gives weights, but nothing can be tested.
     """
     unknown = ~np.isfinite(np.diagonal(covariance, axis1=1, axis2=2))
     scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(usual)), covariance)
@@ -272,11 +272,11 @@ def _of_the_mean(covariance: Floats, count: Ints, usual: Floats) -> Floats:
     return np.asarray(scale / root[:, :, None] / root[:, None, :])
 
 
-def _shared(mean: Floats, accuracy: Accuracy, alike: Floats) -> Floats:
-    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``: what cameras are off
-    by, and what is rounded ``alike (n, 4)``.
+def _shared_covariance(mean: Floats, accuracy: Accuracy, rounding: Floats) -> Floats:
+    """Covariance ``(n, 4, 4)`` of errors that all replicates of a cell share: those of the cameras at cell means
+    ``mean (n, 4)``, and shared ``rounding (n, 4)`` errors.
     """
-    variance = shared_variance(accuracy, np.nan_to_num(mean)) + alike
+    variance = shared_variance(accuracy, np.nan_to_num(mean)) + rounding
     return np.asarray(variance[:, :, None] * np.eye(len(Observable)))
 
 

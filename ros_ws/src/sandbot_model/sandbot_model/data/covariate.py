@@ -1,9 +1,8 @@
-"""Trials brought to the volume fraction of their level.
+"""Trials corrected to the volume fraction of their level, by an analysis of covariance: y - ρ (∂y/∂φ)(φ - φ_level).
 
-The bed misses its target by a little and φ is measured after every preparation, so a good part of the scatter of
-replicates is explained: y - ρ (∂y/∂φ)(φ - φ_level), an analysis of covariance. The slope comes from the cell means of
-neighbouring levels, not from any model; ρ, how much of the measured deviation is real and not the height sensor's
-noise, from the replicates.
+The bed misses its target by a little and φ is measured after every preparation, so this explains a good part of the
+scatter of replicates. The slope comes from the cell means of neighbouring levels, not from any model; the reliability
+ρ, the share of the measured deviation that is real and not noise of the height sensor, comes from the replicates.
 """
 
 import numpy as np
@@ -14,7 +13,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 SIGNIFICANT = 2.0
-"""ρ below so many standard errors is taken for none."""
+"""ρ below this many standard errors is taken to be 0."""
 
 
 def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> Floats:
@@ -27,8 +26,8 @@ def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> 
     for (level, gait, frequency), cell in index.items():
         if not walking[cell]:
             continue
-        beside = [index.get((level + step, gait, frequency)) for step in (-1, 1)]
-        low, high = (cell if other is None or not walking[other] else other for other in beside)
+        neighbours = [index.get((level + step, gait, frequency)) for step in (-1, 1)]
+        low, high = (cell if other is None or not walking[other] else other for other in neighbours)
         span = level_phi[keys[0, high]] - level_phi[keys[0, low]]
         if span > 0:
             slope[cell] = (mean[high] - mean[low]) / span
@@ -36,7 +35,7 @@ def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> 
 
 
 def reliability(residual: Floats, expected: Floats) -> float:
-    """ρ in [0, 1] from residuals about the cell mean and those expected of the measured φ, both ``(trials, 4)``."""
+    """ρ in [0, 1] from residuals about the cell mean and those expected from the measured φ, both ``(trials, 4)``."""
     usable = np.isfinite(residual) & (expected != 0)
     count = usable.sum(axis=0)
     square = np.where(usable, residual, 0.0) ** 2

@@ -1,4 +1,4 @@
-"""Tails of the χ², F, t and beta distributions, as scipy.stats has them, without the time it takes to import that."""
+"""Tails and quantiles of the χ², F, t and beta distributions as in scipy.stats, without the time its import takes."""
 
 from typing import Any
 

@@ -1,13 +1,13 @@
 """Penetrometer readings: the force on a leg turned slowly down into virgin ground, the belly at rest on it.
 
 They give what trials can't: the stiffness of undisturbed ground (a prior on k(φ)), and whether its force grows in
-proportion to depth. A file has one reading a row, with columns
+proportion to depth. A file has one reading per row, with columns
 
     phi, depth_m, force_n [, force_sd_n]        a force at a depth, or
     phi, k_n_per_m [, k_sd_n_per_m]             a stiffness: the force at d_r over d_r
 
-where d_r is the robot's ``stiffness_depth_m`` (SandBot's: 3.9 cm). A file does not say whose legs are meant: depth and
-force of a stiffness are known once the trials' robot is.
+where d_r is the robot's ``stiffness_depth_m`` (SandBot's: 3.9 cm). A file does not name the robot: depth and force of a
+stiffness are known only once the trials' robot is.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,16 +28,16 @@ Ints = NDArray[np.int64]
 USUAL_SD = 0.02
 """Relative standard deviation of a reading that comes without one."""
 SCALE_SD = 0.02
-"""Relative standard deviation that all readings share: of the gauge, and of whose leg and which zero of the depth."""
+"""Relative standard deviation of the readings' common scale error: of the gauge, the leg and the zero of the depth."""
 NEAR = 4e-3
-"""A reading counts for the φ level of the trials that is no farther away than this."""
+"""A reading belongs to the nearest φ level of the trials if it is no farther away than this."""
 LIMITS = {"phi": (0.4, 0.8), "depth_m": (1e-3, 0.2), "force_n": (0.0, 1e3), "k_n_per_m": (0.0, 1e5)}
-"""What a reading of a leg in grains can be; the lower ends are not in."""
+"""Open intervals in which the readings of a leg in grains must lie."""
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Forces on one leg ``(n,)`` each, or its stiffness, whose depth is a robot's."""
+    """Forces on one leg at depths ``(n,)``, or stiffnesses, whose depth is that of a robot."""
 
     phi: Floats
     depth_m: Floats = field(metadata={"unit": "m"})
@@ -47,10 +47,10 @@ class Readings:
         default=None, metadata={"unit": "N/m", "doc": "k and its sd, where those were read; all but φ is then NaN"}
     )
     unread: tuple[str, ...] = ()
-    """Columns of the file that are none of a reading."""
+    """Columns of the file that are ignored."""
 
     def of(self, robot: Robot) -> "Readings":
-        """The same as forces at depths: a stiffness k is F = k d_r at d_r of this robot."""
+        """The readings as forces at depths: a stiffness k is F = k d_r at this robot's d_r."""
         if self.stiffness is None:
             return self
         k, sd = self.stiffness
@@ -60,7 +60,7 @@ class Readings:
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """Readings that belong to the levels of some cells."""
+    """Readings assigned to the φ levels of cells."""
 
     level: Ints
     away: Floats
@@ -68,16 +68,16 @@ class Pressed:
     depth: Floats
     force: Floats
     sd: Floats
-    """Of each alone, see ``SCALE_SD``."""
+    """Standard deviation of each force, without the common scale error (``SCALE_SD``)."""
     notes: tuple[str, ...] = ()
-    """What of the readings is not used, one sentence each."""
+    """Which readings and columns are not used, one sentence each."""
 
     def __len__(self) -> int:
         return len(self.level)
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the forces [N²] ``(n, n)``: each scatters by itself, and the scale is one for all."""
+        """Covariance of the forces [N²] ``(n, n)``: independent errors and one common scale error."""
         shared = SCALE_SD * self.force
         return np.asarray(np.diag(self.sd**2) + np.outer(shared, shared))
 
@@ -88,12 +88,12 @@ class Pressed:
 
 
 def read_readings(path: Path) -> Readings:
-    """Read a file as above. Raises InputError naming the row and the value that can't be."""
+    """Read a file as described above. Raises InputError that names the row and the invalid value."""
     columns, numbered = read_csv(path)
     rows = list(numbered)
     kind = next((pair for pair in (("depth_m", "force_n"), ("k_n_per_m",)) if {"phi", *pair} <= set(columns)), None)
     if kind is None or not rows:
-        raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and a row a reading are needed")
+        raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and one row per reading are needed")
     values = {name: _column(path, rows, name) for name in ("phi", *kind)}
     sd_name = kind[-1].replace("force_n", "force_sd_n").replace("k_n", "k_sd_n")
     unread = _unread(path, columns, ("phi", *kind, sd_name))
@@ -106,7 +106,7 @@ def read_readings(path: Path) -> Readings:
 
 
 def _unread(path: Path, columns: list[str], known: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns that are not ``known``. Raises InputError for one that may be meant for one that is missing."""
+    """Columns that are not ``known``. Raises InputError for one that looks like a missing one misspelt."""
     unread = tuple(column for column in columns if column and column not in known)
     for column in unread:
         missing = [name for name in known if name not in columns]
@@ -131,7 +131,7 @@ def at_levels(readings: Readings, level_phi: Floats, robot: Robot) -> Pressed:
 
 
 def _notes(readings: Readings, close: NDArray[np.bool_]) -> tuple[str, ...]:
-    """What of the readings, of which some are ``close`` to a level, is not used."""
+    """What is not used: unknown columns, and readings that are not ``close`` to a level."""
     found, strays = [], readings.phi[~close]
     if readings.unread:
         found.append(f"penetrometer: columns that are not read: {', '.join(readings.unread)}")

@@ -1,7 +1,7 @@
-"""Pure error: what replicates of one cell scatter, and nothing else.
+"""Pure error: the scatter of replicates within a cell, independent of any model.
 
-Trials of one cell differ by measurement noise and by the bed's φ missing its set point; neither is the model's fault,
-so the fit and every test are measured against it. Walking and swimming scatter differently and are pooled apart.
+Trials of one cell differ by measurement noise and by the bed's φ missing its set point. Neither is the model's fault,
+so fits are weighted and tested by it. Walking and swimming cells scatter differently and are pooled separately.
 """
 
 from collections.abc import Sequence
@@ -17,25 +17,25 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 EXCESS = 1e-3
-"""A cell whose scatter is less likely than this under the others' is taken at its own: near the switch between
-walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
+"""p-value below which a cell scatters more than the others, so that its own scatter is used: near the switch between
+walking and swimming a set-point error flips single replicates, and the cell must not pass as precise."""
 LEAST_DOF = 3
 """Degrees of freedom below which a regime's scatter is taken from both regimes together."""
 FEW_REPLICATES = LEAST_FOR_TREND = 12
-"""Degrees of freedom below which a usual lab counts beside them, and from which scatter may have a trend with ω."""
-FEW = 20
+"""Degrees of freedom below which a usual lab's scatter is the prior, and from which scatter may depend on ω."""
+HALF_SHRUNK = 20
 """Degrees of freedom at which an estimated correlation is shrunk by half."""
-USUAL_SLOPE = (0.0, 2.0)
-"""Power of ω with which a variance goes before anything is measured, and how far it may be off."""
-OWN_SLOPE = 0.7
-"""How far a regime's power of ω may be off that of both: it is 0 where sensors scatter, 2 where φ misses its set
-point, and a few cells at one end would tell of their own luck."""
-PRIOR = 2.0
-"""Degrees of freedom with which the scatter of both regimes together counts in each, and that of a usual lab where all
+SLOPE_PRIOR = (0.0, 2.0)
+"""Prior mean and standard deviation of the power of ω that a variance follows."""
+REGIME_SLOPE_SD = 0.7
+"""Prior standard deviation of a regime's power of ω about that of both regimes. The power is 0 for sensor noise, 2 for
+set-point errors of φ; without the prior, a few cells at one end would give a trend by chance."""
+PRIOR_DOF = 2.0
+"""Degrees of freedom of a prior: of the scatter of both regimes for each of them, and of a usual lab's where all
 replicates are few."""
 FLOOR = 1e-7
-"""Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing, and
-have no degrees of freedom."""
+"""Smallest credible standard deviation [m or m/s]: replicates that agree to the last bit prove nothing, and have no
+degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class PureError:
     sd: Floats
     dof: Ints
     own: Bools
-    """Cells ``(n,)`` taken at their own scatter."""
+    """Cells ``(n,)`` whose own scatter is used."""
 
 
 def pure_error(
@@ -61,8 +61,8 @@ def pure_error(
     """Pool residuals ``(trials, 4)`` about their cell's mean.
 
     ``count (cells, 4)`` are the replicates measured, ``walking (cells,)`` the regime, ``omega (cells,)`` [rad/s] and
-    ``usual (4,)`` the standard deviations of a usual lab: one pair of replicates that happen to agree knows less.
-    ``rounding (4,)`` are the standard deviations of what rounding takes: replicates that agree are no nearer than that.
+    ``usual (4,)`` the standard deviations of a usual lab, a prior in case the few replicates agree by chance.
+    ``rounding (4,)`` are the standard deviations of rounding errors, below which no scatter is believed.
     """
     least = np.full(residual.shape[1], FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
     cells, observables = count.shape
@@ -72,7 +72,7 @@ def pure_error(
     variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
     regimes = [regime for regime in (walking, ~walking) if regime.any()]
     keep = _consistent(variance, dof, omega, regimes, least)
-    overall = _constant(variance[keep], dof[keep])
+    overall = _pooled_variance(variance[keep], dof[keep])
     copies = overall <= FLOOR**2
     overall = np.where(copies, np.nan, np.maximum(overall, least**2))
     dof[:, copies] = 0
@@ -80,48 +80,48 @@ def pure_error(
     known = kept.sum(axis=0)
     # NaN stays where nothing is known.
     prior = np.where((known > 0) & (known < FEW_REPLICATES), usual**2, overall)
-    together = (known * overall + PRIOR * prior) / (known + PRIOR)
+    together = (known * overall + PRIOR_DOF * prior) / (known + PRIOR_DOF)
     slope = _common_slope(variance, kept, omega, regimes)
     covariance = np.zeros_like(square)
     for regime in regimes:
-        pooled = _trend(variance[regime], kept[regime], omega[regime], slope, together, prior, least)
+        pooled = _power_law(variance[regime], kept[regime], omega[regime], slope, together, prior, least)
         covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
     return PureError(covariance, np.sqrt(overall), known, ~keep)
 
 
-def freedom_known(dof: Ints) -> Floats:
-    """Degrees of freedom ``(4,)`` on which a scatter is known that is taken from few replicates and a usual lab."""
-    return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR, 0.0))
+def effective_dof(dof: Ints) -> Floats:
+    """Degrees of freedom of a scatter ``(4,)``, including those of the prior where replicates are few."""
+    return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR_DOF, 0.0))
 
 
 def _consistent(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools], least: Floats) -> Bools:
     """Cells ``(n,)`` that scatter no more than the others of their regime.
 
-    It begins at the median: one cell of a few that flips would pass in the mean, as scatter of all.
+    Iterated from the median: with few cells, one that flips between the regimes would hide in the mean.
     """
-    usual, pooled, freedom = np.empty((3, *sums.shape))
+    median, pooled, pooled_dof = np.empty((3, *sums.shape))
     for regime in regimes:
-        usual[regime] = pooled[regime] = _median(sums[regime], dof[regime], least)
-        freedom[regime] = dof[regime].sum(axis=0) / 2
+        median[regime] = pooled[regime] = _median_variance(sums[regime], dof[regime], least)
+        pooled_dof[regime] = dof[regime].sum(axis=0) / 2
     keep = np.ones(len(sums), dtype=bool)
     for _ in range(10):
-        known = (dof > 0) & (freedom > 0)
+        known = (dof > 0) & (pooled_dof > 0)
         ratio = np.divide(sums, dof * pooled, out=np.zeros_like(sums), where=known)
-        tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(freedom, 1)), 1.0)
+        tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(pooled_dof, 1)), 1.0)
         before, keep = keep, ~(tail < EXCESS / sums.shape[1]).any(axis=1)
         kept = dof * keep[:, None]
         slope = _common_slope(sums, kept, omega, regimes)
         for regime in regimes:
-            by_median = usual[regime][0]
-            pooled[regime] = _trend(sums[regime], kept[regime], omega[regime], slope, by_median, by_median, least)
-            freedom[regime] = kept[regime].sum(axis=0) - kept[regime]
+            prior = median[regime][0]
+            pooled[regime] = _power_law(sums[regime], kept[regime], omega[regime], slope, prior, prior, least)
+            pooled_dof[regime] = kept[regime].sum(axis=0) - kept[regime]
         if (before == keep).all():
             break
     return keep
 
 
-def _median(sums: Floats, dof: Ints, least: Floats) -> Floats:
-    """Variance of one trial ``(4,)`` by the median of the cells', NaN where there are no replicates."""
+def _median_variance(sums: Floats, dof: Ints, least: Floats) -> Floats:
+    """Variance of one trial ``(4,)`` from the median of the cells' variances, NaN where there are no replicates."""
     found = np.full(sums.shape[1], np.nan)
     for column in range(sums.shape[1]):
         had = dof[:, column] > 0
@@ -132,20 +132,19 @@ def _median(sums: Floats, dof: Ints, least: Floats) -> Floats:
 
 
 def _pool(square: Floats, dof: Ints, keep: Bools, pooled: Floats) -> Floats:
-    """Covariance of one trial in each cell of a regime that scatters by ``pooled (n, 4)``, variances of one trial.
+    """Covariance of one trial in each cell of a regime, from the variances of one trial ``pooled (n, 4)``.
 
-    Cells that are not kept are taken at their own scatter.
+    For cells that are not kept, their own scatter is used, but never less than the pooled one.
     """
     scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
     correlation = _correlation(scaled[keep], dof[keep])
-    # Where a cell scatters beyond the pool it is taken at its own, never at less.
     sums = np.diagonal(square, axis1=1, axis2=2)
     own_variance = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
     sd = np.sqrt(np.where(keep[:, None], pooled, np.maximum(own_variance, pooled)))
     return np.asarray(sd[:, :, None] * sd[:, None, :] * correlation)
 
 
-def _constant(sums: Floats, dof: Ints) -> Floats:
+def _pooled_variance(sums: Floats, dof: Ints) -> Floats:
     """Pooled variance ``(4,)``, NaN where there are no replicates."""
     total = dof.sum(axis=0)
     pooled = np.divide(sums.sum(axis=0), total, out=np.full(len(total), np.nan), where=total > 0)
@@ -153,7 +152,7 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
 
 
 def _common_slope(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools]) -> Floats:
-    """Power of ω ``(4,)`` with which the variance goes in both regimes, each at its own level."""
+    """Power of ω ``(4,)`` that the variance follows in both regimes, each at its own level."""
     x = np.log(omega)
     found = np.zeros(sums.shape[1])
     for column in range(sums.shape[1]):
@@ -164,19 +163,19 @@ def _common_slope(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bool
             for regime in levels:
                 centred[regime] = x[regime] - np.average(x[regime], weights=weight[regime])
             design = np.stack([*levels, centred], axis=-1).astype(float)
-            start = [np.log(max(_constant(sums[r], dof[r])[column], FLOOR**2)) for r in levels]
-            found[column] = _gamma(sums[:, column], weight, design, np.array([*start, 0.0]), *USUAL_SLOPE)[-1]
+            start = np.array([*(np.log(max(_pooled_variance(sums[r], dof[r])[column], FLOOR**2)) for r in levels), 0.0])
+            found[column] = _gamma_regression(sums[:, column], weight, design, start, *SLOPE_PRIOR)[-1]
     return found
 
 
-def _trend(
+def _power_law(
     sums: Floats, dof: Ints, omega: Floats, slope: Floats, together: Floats, prior: Floats, least: Floats
 ) -> Floats:
     """Variance of one trial ``(cells, 4)`` of a regime, a power law in ω fitted to the cells' scatter.
 
-    A step takes π/ω and a body on faster legs shakes more, so scatter follows ω. ``slope (4,)`` is the power of both
-    regimes, ``together (4,)`` the variance of all cells of both, ``prior (4,)`` what counts beside a regime's own. With
-    few replicates the power is that of both regimes, with hardly any the variance too.
+    A step takes π/ω and a body on faster legs shakes more, so scatter depends on ω. ``slope (4,)`` is the power of both
+    regimes, ``together (4,)`` the variance of all cells of both, ``prior (4,)`` the prior of a regime's variance. With
+    few replicates the power is that of both regimes, with fewer than ``LEAST_DOF`` the variance, too.
     """
     x = np.log(omega)
     found = np.empty_like(sums)
@@ -186,21 +185,20 @@ def _trend(
             found[:, column] = together[column]
             continue
         centred = x - np.average(x, weights=weight)
-        # A handful of replicates is not trusted by itself.
-        mean = (sums[weight > 0, column].sum() + PRIOR * prior[column]) / (total + PRIOR)
+        mean = (sums[weight > 0, column].sum() + PRIOR_DOF * prior[column]) / (total + PRIOR_DOF)
         b = np.array([np.log(np.maximum(mean, FLOOR**2)), slope[column]])
         design = np.stack([np.ones_like(x), centred], axis=-1)
         if total >= LEAST_FOR_TREND:
-            b = _gamma(sums[:, column], weight, design, b, slope[column], OWN_SLOPE)
+            b = _gamma_regression(sums[:, column], weight, design, b, slope[column], REGIME_SLOPE_SD)
         found[:, column] = np.exp(design @ b)
     return np.maximum(found, least**2)
 
 
-def _gamma(sums: Floats, weight: Floats, design: Floats, start: Floats, slope: float, sd: float) -> Floats:
-    """Coefficients of ln variance, the last of them a power of ω that is ``slope ± sd`` beforehand.
+def _gamma_regression(sums: Floats, weight: Floats, design: Floats, start: Floats, slope: float, sd: float) -> Floats:
+    """Coefficients of ln variance, the last of them a power of ω with the prior ``slope ± sd``.
 
-    s² is a scaled χ² with few degrees of freedom, whose likelihood -dof/2 (η + s²/e^η), η = design · b, is that of a
-    gamma regression; its largest value with the prior is found by Fisher scoring.
+    s² is a scaled χ² with few degrees of freedom, whose log-likelihood -dof/2 (η + s²/e^η), η = design · b, is that of
+    a gamma regression; the posterior mode is found by Fisher scoring.
     """
     b, precision = start.copy(), 2 / sd**2
     information = design.T @ (weight[:, None] * design)
@@ -219,11 +217,11 @@ def _gamma(sums: Floats, weight: Floats, design: Floats, start: Floats, slope: f
 
 
 def _correlation(square: Floats, dof: Ints) -> Floats:
-    """Pooled correlation ``(4, 4)``, drawn towards none where replicates are few."""
+    """Pooled correlation ``(4, 4)``, shrunk towards zero where replicates are few."""
     pooled = square.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diagonal(pooled), 1e-12))
     correlation = pooled / scale[:, None] / scale[None, :]
     total = dof.sum(axis=0).max() if len(dof) else 0
-    shrunk = correlation * total / (total + FEW)
+    shrunk = correlation * total / (total + HALF_SHRUNK)
     np.fill_diagonal(shrunk, 1.0)
     return np.asarray(shrunk)

@@ -1,6 +1,6 @@
-"""What is odd about trials, before any verdict: what can't be is refused, what may be wrong is said in a line each.
+"""Checks of trials before any verdict: impossible numbers are refused, suspicious ones are noted, one line each.
 
-The lines are notes for a reader; no trial is left out for them.
+The notes are for a reader; no trial is left out because of them.
 """
 
 import numpy as np
@@ -24,60 +24,58 @@ Ints = NDArray[np.int64]
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 """Volume fractions that a bed of grains at rest can have."""
 TOO_FAR = (2.0, 1.25, 1.25, 2.0)
-"""Times what legs can do, of each observable, from which trials are named. A slope of 2° adds 18 % to the pace; a body
-that coasts on at the pace of its legs till the next step gets π/2 times as far; nothing lifts it any higher.
-"""
+"""Ratio of each observable to its kinematic limit (``LIMITS``) beyond which trials are named. A slope of 2° adds 18 %
+to the speed; a body that coasts at the speed of its legs till the next step gets π/2 times as far; nothing lifts it
+higher."""
 FAR_TOO_FAR = 3.0
-"""The same, from which a table is refused: another unit is 2π times at least (Hz for rad/s). What lies between may be
-another robot's, which a verdict doubts (``plausibility``).
-"""
+"""The ratio beyond which a table is refused: a wrong unit gives at least 2π (Hz for rad/s). Smaller ratios may be due
+to another robot, which the verdict doubts (``plausibility``)."""
 SLIPS = 0.1
-"""Share of such values up to which they are named as slips of single trials, and not refused as a column's unit."""
-AT_MOST = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
-"""What legs can do, of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
-steps take a period 2π/ω. It lifts it from lying on its belly to standing on the legs; and a foot that stays where it is
-moves the body at the pace of the leg."""
-LOW_PEAK, MOST = 0.9, 0.8
-"""Peak speed over mean speed below which one of the two is something else, where it is so in most trials."""
+"""Share of such values up to which they are named as slips in single trials, and not refused as a wrong unit."""
+LIMITS = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
+"""Kinematic limits of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
+steps take a period 2π/ω. It lifts the body from lying on its belly to standing on the legs; and a foot that does not
+slip moves the body at the speed of the leg."""
+LOW_PEAK, IN_MOST = 0.9, 0.8
+"""Ratio of peak to mean speed below which a trial is suspicious, and share of such trials from which a table is."""
 FAST = 60.0
-"""Frequency of legs [rad/s] above which a plan allows none."""
+"""Leg frequency [rad/s] above which trials are named; no plan allows more."""
 APPROVING = frozenset(
     {"good", "fine", "okay", "yes", "y", "true", "1", "valid", "done", "success", "complete", "passed"}
 )
-"""A status, in small letters, by which its writer may have meant "ok"."""
-MANY = 64
+"""Lower-case statuses by which their writer may have meant "ok"."""
+ALL_PAIRS = 64
 """Trials of a cell up to which all pairs are compared."""
 FAR_OUT = 8.0
 """Distance to every other replicate, in standard deviations of one trial, from which a trial is named."""
-CLEARLY = 4.0
-"""Times the least lift of a walker from which no replicate of the same condition swims."""
+CLEARLY_LIFTED = 4.0
+"""Multiple of the least lift of a walker beyond which no replicate of the same condition swims."""
 COARSE = 0.5
-"""Step of rounding over scatter from which replicates show the rounding, not the noise."""
+"""Ratio of rounding step to scatter beyond which replicates show the rounding, not the noise."""
 RUNS_BACK = 0.1
-"""Share of trials that are as far below 0 as others are above from which they are no outliers."""
-WALKED = 0.1
-"""Share of the most that legs can do from which a robot has moved: of one that is stuck half are read as below 0."""
+"""Share of trials as far below 0 as others are above, beyond which they are not outliers but backward runs."""
+MOVED = 0.1
+"""Ratio to the kinematic limit beyond which a robot has moved; half the readings of a stuck one are below 0."""
 A_FEW = 2
-"""Of a small table so many may be outliers, whatever their share."""
+"""Number of trials that may be outliers even in a small table, whatever their share."""
 WIDE = 0.0015
-"""Scatter of φ within a level beyond what a prepared bed misses its target by (it is 0.0005 to 0.001)."""
+"""Scatter of φ within a level that a prepared bed does not reach (it misses its target by 0.0005 to 0.001)."""
 TREND_P = 1e-3
-"""p-value from which a trend along the run order is named: four observables, less than one clean campaign in 200."""
+"""p-value below which a trend along the run order is named: with four observables, in less than one clean campaign in
+200."""
 MOST_NAMED = 5
 
 
 def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
-    """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called;
-    ``where`` opens its line.
-    """
+    """Notes on the usable trials. Raises InputError, with ``where`` in front, if a column's numbers are impossible."""
     check_usable(trials, where)
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
-    share = _beyond(used, values)
+    ratio = _ratio_to_limit(used, values)
     try:
-        _refuse(used, share)
-        _refuse_backwards(used, values)
-        _refuse_runs_back(used, values, share)
+        _refuse_impossible(used, ratio)
+        _refuse_wrong_sign(used, values)
+        _refuse_backward_runs(used, values, ratio)
         _refuse_low_peaks(used, values)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
@@ -87,21 +85,21 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
         *_meant_ok(trials),
         *_copied(used, values),
         *_fast(used),
-        *_too_far(used, share),
+        *_too_far(used, ratio),
         *_no_peaks(values),
         *_zeros(values),
-        *_classes(used),
+        *_no_levels(used),
         *_far_out(used, values, cell),
         *_coarse(values, cell),
         *_trends(used, values, cell),
-        *_nameless(used, "gait", "such trials"),
-        *_nameless(used, "batch", "those of its condition"),
+        *_nameless(used, "gait", "are grouped only with each other"),
+        *_nameless(used, "batch", "are grouped only by condition"),
         *_unordered(used),
     )
 
 
-def _refuse(used: Trials, share: Floats) -> None:
-    # A single one would be a level of its own, with a k, and trials would be proposed there.
+def _refuse_impossible(used: Trials, ratio: Floats) -> None:
+    # Even a single one would be a level of its own, with a k, and trials would be proposed there.
     outside = (used.phi < PHI_LOW) | (used.phi > PHI_HIGH)
     if outside.any():
         void = 1 - used.phi[outside]
@@ -117,13 +115,13 @@ def _refuse(used: Trials, share: Floats) -> None:
             "any speed: is it in cm/s (divided by 100)?"
         )
     for observable in Observable:
-        far = share[:, observable] > FAR_TOO_FAR
-        if far.sum() > SLIPS * np.isfinite(share[:, observable]).sum():
-            raise InputError(_impossible(used, observable, int(np.argmax(far)), share))
+        far = ratio[:, observable] > FAR_TOO_FAR
+        if far.sum() > SLIPS * np.isfinite(ratio[:, observable]).sum():
+            raise InputError(_impossible(used, observable, int(np.argmax(far)), ratio))
 
 
-def _refuse_backwards(used: Trials, values: Floats) -> None:
-    """Most of a column below 0: no gait walks backwards, and none lowers the body, but for a zero that is off."""
+def _refuse_wrong_sign(used: Trials, values: Floats) -> None:
+    """Most of a column below 0: no gait walks backwards, and none lowers the body by more than an error of the zero."""
     for observable in Observable:
         least = -SURE_LIFT_M if observable is Observable.lift else 0.0
         below = values[:, observable] < least
@@ -131,30 +129,30 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
             row, axis = int(np.argmax(below)), "up" if observable is Observable.lift else "the way the robot walks"
             raise InputError(
                 f"{observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
-                f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
+                f"{below.sum()} of {count}: does its axis point {axis}? if not, multiply by -1"
             )
 
 
-def _refuse_runs_back(used: Trials, values: Floats, share: Floats) -> None:
-    """Some of a column as far below 0 as others are above; a lift of less than nothing is a zero that is off."""
-    for observable in (one for one in Observable if one is not Observable.lift):
-        told = np.isfinite(column := values[:, observable])
-        if not told.any():
+def _refuse_backward_runs(used: Trials, values: Floats, ratio: Floats) -> None:
+    """Some of a column as far below 0 as others are above. Not for lift: a negative one is an error of the zero."""
+    for observable in (o for o in Observable if o is not Observable.lift):
+        measured = np.isfinite(column := values[:, observable])
+        if not measured.any():
             continue
-        back = (column < -0.5 * np.median(np.abs(column[told]))) & (share[:, observable] > WALKED)
-        if back.sum() > max(RUNS_BACK * told.sum(), A_FEW):
+        back = (column < -0.5 * np.median(np.abs(column[measured]))) & (ratio[:, observable] > MOVED)
+        if back.sum() > max(RUNS_BACK * measured.sum(), A_FEW):
             row = int(np.argmax(back))
             raise InputError(
                 f"{observable.column} is {column[row]:g} in {used.trial_id[row]} and as far below 0 in "
-                f"{back.sum()} of {told.sum()} as above in others: were these runs back? then times -1"
+                f"{back.sum()} of {measured.sum()} as above in others: were these runs backwards? then multiply by -1"
             )
 
 
 def _refuse_low_peaks(used: Trials, values: Floats) -> None:
-    """Nearly all peaks below the mean. Of some that may be true: mean and peak are seen in different steps."""
+    """Nearly all peaks below the mean. A few may be: mean and peak are measured in different steps."""
     peak, mean = values[:, Observable.peak_speed], values[:, Observable.speed]
     low = peak < LOW_PEAK * mean
-    if low.sum() > MOST * (count := np.isfinite(peak).sum()):
+    if low.sum() > IN_MOST * (count := np.isfinite(peak).sum()):
         raise InputError(
             f"peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, "
             f"and below the mean in {low.sum()} of {count}: are the columns exchanged?"
@@ -165,12 +163,14 @@ def _no_peaks(values: Floats) -> list[str]:
     """Trials that moved, with a peak of exactly 0."""
     none = (values[:, Observable.peak_speed] == 0) & (values[:, Observable.speed] > 0)
     return (
-        [f"{none.sum()} peak_speed_m_s of trials that moved are exactly 0; not measured is empty"] if none.any() else []
+        [f"{none.sum()} peak_speed_m_s of trials that moved are exactly 0; if not measured, leave them empty"]
+        if none.any()
+        else []
     )
 
 
 def _fast(used: Trials) -> list[str]:
-    """Legs faster than those of any such robot."""
+    """Legs faster than any such robot's."""
     fast = used.omega_rad_s > FAST
     if not fast.any():
         return []
@@ -180,48 +180,48 @@ def _fast(used: Trials) -> list[str]:
     ]
 
 
-def _beyond(used: Trials, values: Floats) -> Floats:
-    """What was measured over the most that legs can do ``(trials, 4)``; NaN where it was not measured."""
+def _ratio_to_limit(used: Trials, values: Floats) -> Floats:
+    """Measured values over their kinematic limits ``(trials, 4)``; NaN where not measured."""
     robot = used.robot or SANDBOT
-    turns, pace, whole = clock([*used.gait]), robot.leg_radius_m * used.omega_rad_s, np.ones(len(used))
-    fastest = pace * np.maximum(turns.slow_ratio, turns.swing_ratio)
-    most = [2 * pace / np.pi, deepest_m(robot) * whole, fastest, 2 * robot.leg_radius_m * whole]
-    return np.asarray(np.abs(values) / np.stack(most, axis=-1))
+    clocks, rim_speed, ones = clock([*used.gait]), robot.leg_radius_m * used.omega_rad_s, np.ones(len(used))
+    fastest = rim_speed * np.maximum(clocks.slow_ratio, clocks.swing_ratio)
+    limits = [2 * rim_speed / np.pi, deepest_m(robot) * ones, fastest, 2 * robot.leg_radius_m * ones]
+    return np.asarray(np.abs(values) / np.stack(limits, axis=-1))
 
 
-def _impossible(used: Trials, observable: Observable, row: int, share: Floats) -> str:
-    """One value, what there can be in its place, and what may have happened to it."""
+def _impossible(used: Trials, observable: Observable, row: int, ratio: Floats) -> str:
+    """One impossible value, its limit, and likely causes."""
     value, radius = getattr(used, observable.column)[row], (used.robot or SANDBOT).leg_radius_m
-    paced = "omega in Hz (times 2π), " if observable.unit == "m/s" else ""
+    frequency = "omega in Hz (times 2π), " if observable.unit == "m/s" else ""
     return (
         f"{observable.column} is {value:g} in {used.trial_id[row]}, where legs of {radius:g} m at "
-        f"{used.omega_rad_s[row]:g} rad/s reach {abs(value) / share[row, observable]:.2g} {observable.unit} at most "
-        f"({AT_MOST[observable]}); is {paced}the {observable.name.replace('_', ' ')} in {observable.readers_unit} "
-        "(divided by 100), or the robot another (--robot FILE.yaml)?"
+        f"{used.omega_rad_s[row]:g} rad/s reach {abs(value) / ratio[row, observable]:.2g} {observable.unit} at most "
+        f"({LIMITS[observable]}); is {frequency}the {observable.name.replace('_', ' ')} in {observable.readers_unit} "
+        "(divided by 100), or is it another robot (--robot FILE.yaml)?"
     )
 
 
 def _copied(used: Trials, values: Floats) -> list[str]:
-    """Measurements to the last digit alike in two trials: with three digits and more that is no chance."""
+    """Trials whose measurements agree to the last digit: with more than three digits that is not by chance."""
     seen: dict[tuple[float, ...], str] = {}
-    twice = []
+    copies = []
     for name, row in zip(used.trial_id.tolist(), values.tolist(), strict=True):
         measured = tuple(value for value in row if np.isfinite(value))
         if len(measured) < 2 and not any(len(f"{abs(value):.12g}".strip("0.")) > 4 for value in measured):
             continue
         if measured in seen:
-            twice.append(f"{name} = {seen[measured]}")
+            copies.append(f"{name} = {seen[measured]}")
         seen.setdefault(measured, name)
-    return [f"{len(twice)} trials are copies of others: {_some(twice)}"] if twice else []
+    return [f"{len(copies)} trials are copies of others: {_listed(copies)}"] if copies else []
 
 
-def _too_far(used: Trials, share: Floats) -> list[str]:
-    """Values that legs can't reach, where most of a column are such that they can."""
+def _too_far(used: Trials, ratio: Floats) -> list[str]:
+    """Values beyond the kinematic limit, where most of the column are within it."""
     found = []
     for observable in Observable:
-        if count := int((share[:, observable] > TOO_FAR[observable]).sum()):
-            worst = int(np.nanargmax(share[:, observable]))
-            found.append(f"{count} of {observable.column} can't be: {_impossible(used, observable, worst, share)}")
+        if count := int((ratio[:, observable] > TOO_FAR[observable]).sum()):
+            worst = int(np.nanargmax(ratio[:, observable]))
+            found.append(f"{count} impossible {observable.column}: {_impossible(used, observable, worst, ratio)}")
     return found
 
 
@@ -232,12 +232,13 @@ def _zeros(values: Floats) -> list[str]:
         finite = np.isfinite(column)
         if finite.any() and (column[finite] == 0).mean() >= 0.5:
             found.append(
-                f"{(column == 0).sum()} of {finite.sum()} {observable.column} are exactly 0; not measured is empty"
+                f"{(column == 0).sum()} of {finite.sum()} {observable.column} are exactly 0; "
+                "if not measured, leave them empty"
             )
     return found
 
 
-def _classes(used: Trials) -> list[str]:
+def _no_levels(used: Trials) -> list[str]:
     """Where φ has no clear levels."""
     level = phi_levels(used.phi)
     widest = widest_scatter(used.phi, level)
@@ -245,23 +246,23 @@ def _classes(used: Trials) -> list[str]:
         return []
     return [
         f"phi has no clear levels: its trials are gathered into {level.max() + 1} classes within which it "
-        f"scatters by up to {widest:.4f}; each has a k of its own, and what φ does within one is taken out"
+        f"scatters by up to {widest:.4f}; each has its own k, and the effect of φ within a class is corrected for"
     ]
 
 
 def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
-    """Trials far from every other of their cell, in units of what trials of a cell mostly differ by."""
-    walked = walks(values, CLEARLY * WALKING_LIFT_M)
+    """Trials far from every other of their cell, in units of the typical scatter within cells."""
+    walked = walks(values, CLEARLY_LIFTED * WALKING_LIFT_M)
     pairs: dict[Observable, list[float]] = {observable: [] for observable in Observable}
     nearest = np.full(values.shape, np.nan)
     for this_cell in np.unique(cell):
         inside = np.flatnonzero(cell == this_cell)
         if len(inside) < 3 or not walked[inside].all():
-            continue  # where the ground hardly holds, one replicate walks and the next swims: no mistake
+            continue  # where the ground hardly holds, one replicate may walk and the next swim without any mistake
         for observable in Observable:
-            own = values[inside, observable]
-            pairs[observable] += _gaps(own)
-            nearest[inside, observable] = _nearest(own)
+            replicates = values[inside, observable]
+            pairs[observable] += _gaps(replicates)
+            nearest[inside, observable] = _nearest(replicates)
     found = []
     for observable in Observable:
         finite = [gap for gap in pairs[observable] if np.isfinite(gap)]
@@ -271,23 +272,23 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
         far = nearest[:, observable] / scale
         names = [f"{used.trial_id[i]} ({far[i]:.0f} sd)" for i in np.argsort(-np.nan_to_num(far)) if far[i] > FAR_OUT]
         if names:
-            found.append(f"{observable.column} far from every other replicate: {_some(names)}")
+            found.append(f"{observable.column} far from every other replicate: {_listed(names)}")
     return found
 
 
-def _gaps(own: Floats) -> list[float]:
-    """By how much trials of a cell differ: every pair, or of very many each with the next few."""
-    many = len(own)
-    lags = range(1, many if many <= MANY else MANY // 2)
-    return [gap for lag in lags for gap in np.abs(own[lag:] - own[:-lag]).tolist()]
+def _gaps(replicates: Floats) -> list[float]:
+    """Differences between the trials of a cell: of all pairs or, if there are very many, of each with the next few."""
+    count = len(replicates)
+    lags = range(1, count if count <= ALL_PAIRS else ALL_PAIRS // 2)
+    return [gap for lag in lags for gap in np.abs(replicates[lag:] - replicates[:-lag]).tolist()]
 
 
-def _nearest(own: Floats) -> Floats:
-    """How far each value is from the nearest other; NaN where one of them is."""
-    order = np.argsort(own)
-    step = np.diff(own[order])
-    found = np.full(len(own), np.nan)
-    if not np.isnan(own).any():
+def _nearest(replicates: Floats) -> Floats:
+    """Distance of each value from the nearest other; all NaN if one of them is."""
+    order = np.argsort(replicates)
+    step = np.diff(replicates[order])
+    found = np.full(len(replicates), np.nan)
+    if not np.isnan(replicates).any():
         found[order] = np.minimum(np.append(step, np.inf), np.append(np.inf, step))
     return found
 
@@ -296,19 +297,20 @@ def _coarse(values: Floats, cell: Ints) -> list[str]:
     found = []
     for observable in Observable:
         column = values[:, observable]
-        step, scatter = rounding_step(column), _within(column, cell)
+        step, scatter = rounding_step(column), _scatter(column, cell)
         if scatter > 0 and step > COARSE * scatter:
             found.append(f"{observable.column} is rounded to {step:.2g}, replicates scatter {scatter:.2g}")
     return found
 
 
-def _within(column: Floats, cell: Ints) -> float:
+def _scatter(column: Floats, cell: Ints) -> float:
     """Rms scatter about the cell means; 0 where nothing is replicated."""
-    residual, freedom = _about_the_mean(column, cell)
-    return float(np.sqrt(np.nansum(residual**2) / freedom)) if freedom > 0 else 0.0
+    residual, dof = _about_cell_means(column, cell)
+    return float(np.sqrt(np.nansum(residual**2) / dof)) if dof > 0 else 0.0
 
 
-def _about_the_mean(column: Floats, cell: Ints) -> tuple[Floats, int]:
+def _about_cell_means(column: Floats, cell: Ints) -> tuple[Floats, int]:
+    """Deviations from the cell means, and their degrees of freedom."""
     finite = np.isfinite(column)
     count = np.bincount(cell, finite)
     with np.errstate(invalid="ignore"):
@@ -319,20 +321,20 @@ def _about_the_mean(column: Floats, cell: Ints) -> tuple[Floats, int]:
 def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
     """Change of a column over the whole run order, and its p-value: a regression of trials about their cell's mean.
 
-    Both about the means of the same trials, so no model and no effect of φ or ω comes in; NaN where replicates of a
-    condition were run in a row or not at all.
+    Column and order are centred on the means of the same trials, so no model and no effect of φ or ω enters; NaN with
+    too few replicates.
     """
     finite = np.isfinite(column) & np.isfinite(order)
-    y, freedom = _about_the_mean(np.where(finite, column, np.nan), cell)
-    x, _ = _about_the_mean(np.where(finite, order, np.nan), cell)
+    y, dof = _about_cell_means(np.where(finite, column, np.nan), cell)
+    x, _ = _about_cell_means(np.where(finite, order, np.nan), cell)
     x, y = x[finite], y[finite]
     information = float(x @ x)
-    if freedom < 4 or information <= 0:
+    if dof < 4 or information <= 0:
         return float("nan"), float("nan")
     slope = float(x @ y) / information
-    error = float(np.sqrt(max(np.sum((y - slope * x) ** 2), 1e-300) / (freedom - 1) / information))
+    error = float(np.sqrt(max(np.sum((y - slope * x) ** 2), 1e-300) / (dof - 1) / information))
     span = float(np.ptp(order[finite]))
-    return slope * span, float(2 * t_sf(abs(slope / error), freedom - 1))
+    return slope * span, float(2 * t_sf(abs(slope / error), dof - 1))
 
 
 def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
@@ -348,20 +350,21 @@ def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
 
 
 def _meant_ok(trials: Trials) -> list[str]:
-    """Trials left out by a status that may well mean "ok"."""
+    """Trials left out because of a status that may well mean "ok"."""
     statuses = trials.status.tolist()
-    meant = [one for one in statuses if one != OK and (one.lower() in APPROVING or one.lower().startswith(OK))]
+    meant = [text for text in statuses if text != OK and (text.lower() in APPROVING or text.lower().startswith(OK))]
     if not meant:
         return []
-    return [f"{len(meant)} trials are left out by their status, {_some(list(dict.fromkeys(meant)))}: only ok is ok"]
+    listed = _listed(list(dict.fromkeys(meant)))
+    return [f"{len(meant)} trials are left out because of their status, {listed}: only ok is used"]
 
 
-def _nameless(used: Trials, column: str, others: str) -> list[str]:
-    """Trials that name no batch or no gait among those that do."""
+def _nameless(used: Trials, column: str, grouping: str) -> list[str]:
+    """Trials without a batch or a gait, if others have one."""
     none = [*used.trial_id[getattr(used, column) == ""]]
     if not none or len(none) == len(used):
         return []
-    return [f"{len(none)} trials name no {column}, each is taken with {others} alone: {_some(none)}"]
+    return [f"{len(none)} trials name no {column} and {grouping}: {_listed(none)}"]
 
 
 def _unordered(used: Trials) -> list[str]:
@@ -371,16 +374,16 @@ def _unordered(used: Trials) -> list[str]:
         return []
     if numbered.any():
         missing = [*used.trial_id[~numbered]]
-        return [f"the run order is not used, for {len(missing)} of {len(used)} trials have none: {_some(missing)}"]
-    told = [(name, one) for name, one in zip(used.trial_id.tolist(), used.started.tolist(), strict=True)]
-    if not any(one for _, one in told):
+        return [f"the run order is not used, for {len(missing)} of {len(used)} trials have none: {_listed(missing)}"]
+    times = [(name, time) for name, time in zip(used.trial_id.tolist(), used.started.tolist(), strict=True)]
+    if not any(time for _, time in times):
         return []
-    if nothing := [name for name, one in told if not one]:
-        return [f"started tells no order, for {len(nothing)} of {len(used)} trials have none: {_some(nothing)}"]
-    name, one = next(((name, one) for name, one in told if began_at(one) is None), told[0])
-    return [f"started tells no order: {one!r} in {name} is not as 2026-05-04T08:10, always or never with a zone"]
+    if missing := [name for name, time in times if not time]:
+        return [f"started gives no order, for {len(missing)} of {len(used)} trials have none: {_listed(missing)}"]
+    name, time = next(((name, time) for name, time in times if began_at(time) is None), times[0])
+    return [f"started gives no order: {time!r} in {name} is not like 2026-05-04T08:10, with a zone in all or in none"]
 
 
-def _some(names: list[str]) -> str:
+def _listed(names: list[str]) -> str:
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more

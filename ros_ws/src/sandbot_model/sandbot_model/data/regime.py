@@ -1,4 +1,4 @@
-"""Whether a robot walked or swam, from what was measured of it."""
+"""Whether a robot walked or swam, judged by its measured observables."""
 
 from collections.abc import Iterable
 
@@ -12,40 +12,40 @@ from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import Observable
 
 WALKING_LIFT_M = 3e-4
-"""Lift above which a body was lifted by its legs: several times what the tracking makes of none."""
+"""Lift above which a body was lifted by its legs: several times what tracking reads without any lift."""
 SURE_LIFT_M = 4 * WALKING_LIFT_M
-"""Lift that is more than a zero that is off by a grain."""
+"""Lift beyond what a lift zero that is off by a grain can explain."""
 WALKING_SPEED_M_S = 0.035
 """Clearly faster than swimming (Li09: 0.02 m/s)."""
 HELD_M = 0.01
-"""What a first step is longer at least than a swimmer's if the leg held in it."""
+"""Least length by which a first step in which the ground held exceeds that of a swimmer."""
 
 
 def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
-    """Whether the robot walked ``(...)``, of measured observables ``(..., 4)``: its body was lifted by more than
-    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. A body that never was that fast
-    was lifted only if it was by more than a zero may be off.
+    """Whether the robot walked ``(...)``, from measured observables ``(..., 4)``: its body was lifted by more than
+    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. If its peak speed was that of a
+    swimmer, its lift must exceed what an error of the lift zero can explain.
     """
-    speed, lift, peak = (values[..., one] for one in (Observable.speed, Observable.lift, Observable.peak_speed))
+    speed, lift, peak = (values[..., o] for o in (Observable.speed, Observable.lift, Observable.peak_speed))
     lifted = (lift > least_lift_m) & ~((peak <= WALKING_SPEED_M_S) & (lift <= SURE_LIFT_M))
     return np.where(np.isfinite(lift), lifted, speed > WALKING_SPEED_M_S)
 
 
-def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
-    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
+def swam_from_start(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
+    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, in a gait with two rates.
 
-    How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
-    point, and the table does not say that. A trial that swims after a first step that held is none of them.
+    How far they get in it depends on when the leg passes its lowest point, and so on how it is mounted on its shaft,
+    which the table does not say. A trial that swims after a first step in which the ground held does not count.
     """
     uneven = np.array([slow_phase_ratio(gait) != 1.0 for gait in gaits])
     speed, first_step = values[:, Observable.speed], values[:, Observable.first_step]
     return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))
 
 
-def begins_on_both(gaits: Iterable[str]) -> Bool:
-    """Trials ``(n,)`` of gaits whose slow phase lasts more than half a period: their first step is no single leg's.
+def starts_on_both_tripods(gaits: Iterable[str]) -> Bool:
+    """Trials ``(n,)`` in gaits whose slow phase lasts more than half a period: both tripods drive their first step.
 
-    The other tripod is in its slow phase as the robot sets out, and takes hold again before the step is over.
+    The second tripod is in its slow phase as the robot sets out, and takes hold again before the step is over.
     """
     turning = clock([*gaits])
     return np.asarray(~turning.one_rate & (duty(turning.slow_ratio, turning.swing_ratio) > 0.5))
@@ -54,13 +54,13 @@ def begins_on_both(gaits: Iterable[str]) -> Bool:
 def peaks_seen(
     gaits: Iterable[str], omega: Array, values: Array, robot: Robot, accuracy: Accuracy, rate_hz: float
 ) -> Bool:
-    """Trials ``(n,)`` of values ``(n, 4)`` whose peak the cameras saw, and of whose phase the lift leaves no doubt."""
+    """Trials ``(n,)`` of values ``(n, 4)`` whose peak speed the cameras resolve for any stance that the lift allows."""
     return peaks_resolved(clock([*gaits]), omega, _stance_rad(values, robot, accuracy), robot.leg_mount_rad, rate_hz)
 
 
 def _stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:
-    """The least and the largest leg angle [rad] in which trials of values ``(n, 4)`` may have ended their stance, by a
-    lift that is uncertain by its usual scatter; NaN where lift was not measured, or nothing was lifted.
+    """The least and the largest leg angle [rad] at which stance may have ended in trials of values ``(n, 4)``, given
+    the usual scatter of their lift; NaN where lift was not measured, or nothing was lifted.
     """
     lift = np.where(walks(values), values[:, Observable.lift], np.nan)
     least, largest = (

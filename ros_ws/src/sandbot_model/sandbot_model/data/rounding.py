@@ -1,7 +1,7 @@
-"""To which step numbers were rounded, and what that does to means of replicates.
+"""The step to which numbers were rounded, and its effect on means of replicates.
 
-Of replicates that scatter by more than the step each is rounded its own way, and their mean is as exact as if none had
-been. Where they scatter by less all are rounded alike, however many there are: the mean is off by up to half a step.
+Rounding errors of replicates that scatter by more than the step are independent and average out. Replicates that
+scatter by less are all rounded alike: however many there are, their mean is off by up to half a step.
 """
 
 import numpy as np
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-LEAST = 6
-"""Different numbers from which they tell a step."""
+LEAST_VALUES = 6
+"""Distinct values needed to recognise a step."""
 SPARSE = 20
-"""Steps that most neighbours are nearer than: of numbers farther apart any two differ by many of some small step."""
+"""Steps within which most neighbouring values must lie: any values farther apart are multiples of some small step."""
 HARMONICS = np.arange(1, 101)
 
 
 def rounding_step(column: Floats) -> float:
-    """The step of which all differences of a column are multiples; 0 where there is none. NaN is not measured."""
+    """The step of which all differences of a column are multiples; 0 where there is none. NaN is ignored."""
     steps = np.diff(np.unique(column[np.isfinite(column)]))
-    if len(steps) < LEAST - 1:
+    if len(steps) < LEAST_VALUES - 1:
         return 0.0
     step = float(steps.min())
     regular = np.allclose(steps / step, np.round(steps / step), atol=1e-6)
@@ -27,21 +27,21 @@ def rounding_step(column: Floats) -> float:
 
 
 def rounding_sd(values: Floats) -> Floats:
-    """Standard deviation ``(m,)`` of what rounding takes from single numbers ``(n, m)``, evenly spread over a step."""
+    """Standard deviation ``(m,)`` of the rounding errors of single numbers ``(n, m)``, uniform over a step."""
     return np.asarray([rounding_step(column) / np.sqrt(12) for column in values.T])
 
 
-def rounded_alike(rounding: Floats, variance: Floats, count: NDArray[np.int64]) -> Floats:
-    """Variance ``(cells, m)`` that rounding by ``rounding (m,)`` adds to means of ``count`` replicates beyond its own
-    share of their ``variance``, that of one.
+def shared_rounding_variance(rounding: Floats, variance: Floats, count: NDArray[np.int64]) -> Floats:
+    """Variance ``(cells, m)`` that the correlation of rounding errors, of sd ``rounding (m,)``, adds to means of
+    ``count`` replicates, each of ``variance`` (which includes its own rounding error).
 
-    Rounding errors are a sawtooth of what was rounded. Of two replicates that scatter by s about any place of a step
-    their correlation is 6/π² Σ exp(-4π² k² s²/step²)/k², from the sawtooth's Fourier series (Widrow & Kollár 2008,
-    Quantization Noise).
+    A rounding error is a sawtooth function of the number. For two replicates that scatter by s about an arbitrary place
+    within a step, the errors' correlation is 6/π² Σ exp(-4π² k² s²/step²)/k², from the sawtooth's Fourier series
+    (Widrow & Kollár 2008, Quantization Noise).
     """
     own = np.square(rounding)
     before = np.maximum(np.nan_to_num(variance) - own, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(own > 0, before / own, np.inf)[..., None]
-    alike = 6 / np.pi**2 * np.sum(np.exp(-(np.pi**2) / 3 * HARMONICS**2 * ratio) / HARMONICS**2, axis=-1)
-    return np.asarray(own * alike * (1 - 1 / np.maximum(count, 1)))
+    correlation = 6 / np.pi**2 * np.sum(np.exp(-(np.pi**2) / 3 * HARMONICS**2 * ratio) / HARMONICS**2, axis=-1)
+    return np.asarray(own * correlation * (1 - 1 / np.maximum(count, 1)))

@@ -1,7 +1,7 @@
-"""Error bars that come with the data: a row that is a mean read off a figure says itself how sure it is.
+"""Error bars that come with the data, such as those of means read off a figure.
 
 A row with a replicate number is one trial; its ``speed_sd_m_s`` is that of the measurement alone, which says nothing of
-what replicates scatter. A row without one stands for all trials of its condition, and its error bar is pure error.
+the scatter of replicates. A row without one stands for all trials of its condition, and its error bar is pure error.
 """
 
 from dataclasses import replace
@@ -15,11 +15,11 @@ from sandbot_model.physics.observables import Observable
 Floats = NDArray[np.float64]
 
 TRIALS_BEHIND = 3
-"""An error bar counts as the scatter of so many trials: no figure states how well its error bars are known."""
+"""An error bar counts as the scatter of this many trials: no figure states how well its error bars are known."""
 
 
 def stated_variance(stated_columns: Floats, slope: Floats) -> Floats:
-    """Variance of the speed ``(n,)`` [m²/s²] by the error bars of v and φ, ``slope`` being ∂v/∂φ; NaN where not stated.
+    """Variance of the speed ``(n,)`` [m²/s²] from the error bars of v and φ, with ``slope`` ∂v/∂φ; NaN if not stated.
 
     ``stated_columns (3, n)`` are the table's replicate, speed_sd_m_s and phi_sd.
     """
@@ -29,19 +29,19 @@ def stated_variance(stated_columns: Floats, slope: Floats) -> Floats:
 
 
 def of_single_trials(stated_columns: Floats) -> bool:
-    """Whether any error bar is that of one trial, and so no pure error; columns as above."""
+    """Whether any error bar is that of a single trial, and so does not give pure error; columns as above."""
     replicate, speed_sd, _ = stated_columns
     return bool((np.isfinite(replicate) & (speed_sd > 0)).any())
 
 
 def with_stated(error: PureError, variance: Floats) -> PureError:
-    """Pure error by the error bars of the cells ``(cells,)``; where speed was replicated, the replicates speak."""
+    """Pure error from the cells' error bars of ``variance (cells,)``, unless speed was replicated."""
     stated = np.isfinite(variance)
     if error.dof[Observable.speed] or not stated.any():
         return error
     common = float(np.mean(variance[stated]))
     covariance, sd, dof = error.covariance.copy(), error.sd.copy(), error.dof.copy()
-    # What error bars say nothing of: how speed goes with what was measured in each trial.
+    # Error bars do not give the covariance of speed with other observables: where unknown, it is set to 0.
     for of_speed in (covariance[:, Observable.speed], covariance[..., Observable.speed]):
         of_speed[~np.isfinite(of_speed)] = 0.0
     covariance[:, Observable.speed, Observable.speed] = np.maximum(np.where(stated, variance, common), FLOOR**2)

@@ -1,4 +1,4 @@
-"""The next block of trials: those that are expected to say most about what is true for what they cost."""
+"""The next block of trials: those with the largest expected information about the true model per cost."""
 
 from collections.abc import Sequence
 
@@ -10,23 +10,23 @@ from sandbot_model.physics.arrays import Array
 
 
 def block(explanations: Sequence[Explanation], cost_s: Array, size: int) -> list[int]:
-    """Indices of ``size`` places, one after the other that which adds most information a second to those before it.
+    """Indices of ``size`` places, chosen greedily: each adds most information per second to those before it.
 
-    A place may come twice: a replicate competes with a new condition by the same measure, as the joint prediction of
-    all trials of the block holds what they share. ``cost_s (n,)`` is what a trial costs at each place.
+    A place may be chosen twice: replicates compete with new conditions by the same measure, since the joint prediction
+    of a block includes what its trials share. ``cost_s (n,)`` is the cost of a trial at each place.
     """
     chosen: list[int] = []
-    before = 0.0
+    so_far = 0.0
     for _ in range(size):
         expected = expected_information(explanations, [[*chosen, place] for place in range(len(cost_s))])
-        best = int(np.argmax((expected - before) / cost_s))
-        chosen, before = [*chosen, best], float(expected[best])
+        best = int(np.argmax((expected - so_far) / cost_s))
+        chosen, so_far = [*chosen, best], float(expected[best])
     return chosen
 
 
 def expected_information(explanations: Sequence[Explanation], blocks: Sequence[Sequence[int]]) -> Array:
-    """Information [nat] about which explanation holds, all alike likely, from each block of trials ``(blocks,)``."""
-    predicted = [one.of(np.array(blocks)) for one in explanations]
+    """Information [nat] on which of equally probable explanations holds, from each block of trials ``(blocks,)``."""
+    predicted = [explanation.of(np.array(blocks)) for explanation in explanations]
     means = np.stack([mean for mean, _ in predicted], axis=-2)
     covariances = np.stack([covariance for _, covariance in predicted], axis=-3)
     return information(np.full(len(explanations), 1.0 / len(explanations)), means, covariances)

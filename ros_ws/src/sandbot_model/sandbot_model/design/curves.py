@@ -1,4 +1,4 @@
-"""What rival explanations say of the mean speeds that come next: the curves on which the measured points will land."""
+"""Mean speeds predicted by rival explanations for the next block, as curves to compare with the points to come."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ DIGITS = 5
 
 @dataclass(frozen=True)
 class Curve:
-    """Mean speed over leg frequency at one φ, as one explanation has it."""
+    """Mean speed over leg frequency at one φ, as predicted by one explanation."""
 
     explanation: str
     phi: float
@@ -29,15 +29,15 @@ class Curve:
 def curves(
     rivals: Sequence[Fit], phi: Collection[float], omega_rad_s: Sequence[float], clock: Clock | None = None
 ) -> tuple[Curve, ...]:
-    """One for each rival and φ, from the least frequency to the largest."""
+    """One curve for each rival and φ, from the lowest frequency to the highest."""
     omega = np.linspace(min(omega_rad_s), max(omega_rad_s), POINTS)
     return tuple(
         Curve(
             name_of(fit),
-            one,
+            level,
             tuple(omega.round(DIGITS).tolist()),
-            tuple(readings(fit, np.full_like(omega, one), omega, clock)[:, Observable.speed].round(DIGITS).tolist()),
+            tuple(readings(fit, np.full_like(omega, level), omega, clock)[:, Observable.speed].round(DIGITS).tolist()),
         )
         for fit in rivals
-        for one in sorted(phi)
+        for level in sorted(phi)
     )

@@ -1,12 +1,12 @@
-"""What is excluded already, by evidence that holds however often it is looked at.
+"""Which effects are excluded already, by evidence that is valid however often one looks (anytime-valid).
 
-The likelihood of data that come one after the other under one hypothesis, over that under a true one, is a martingale
-that begins at 1: it ever reaches 1/α with a probability of at most α (Ville 1939;
-Ramdas et al. 2023, Stat. Sci. 38, 576).
+The likelihood ratio of data that arrive one after the other, for a hypothesis against the true one, is a martingale
+that starts at 1: the probability that it ever reaches 1/α is at most α (Ville 1939; Ramdas et al. 2023, Stat. Sci. 38,
+576).
 
-* A claim is tried against a mixture over M effects, each of a strength drawn from a normal distribution ``WIDTH``
-  standard errors wide: what an effect must gain in deviance is 2 ln(M/α) + ln(1 + WIDTH²), the same at every look.
-* An effect is excluded at a strength once the deviance has risen by 2 ln(1/α) at it.
+* A claim is tested with a mixture over M effects, each with a normal prior of its strength ``WIDTH`` standard errors
+  wide: an effect must gain 2 ln(M/α) + ln(1 + WIDTH²) in deviance, the same at every look.
+* An effect of a given strength is excluded once the deviance at that strength has risen by 2 ln(1/α).
 
 Both hold for linear models of known noise; where replicates are few, F takes the place of χ².
 """
@@ -22,79 +22,80 @@ from sandbot_model.discovery.verdict import overdispersion
 from sandbot_model.fitting.fit import Fit
 
 WIDTH = 45.0
-"""Prior sd of a strength, in standard errors at the end: the plausible range of an effect that is well measured."""
+"""Prior sd of a strength, in final standard errors: the plausible range of an effect that is measured well."""
 WEAK, USUAL = 0.5, 1.0
-"""Strengths to exclude, as a share of an effect's usual one."""
+"""Strengths to exclude, relative to an effect's usual one."""
 
 NONE = 1e-9
-"""A share of trials that is none of them."""
+"""A share of trials that amounts to none; ``Criteria`` does not allow 0."""
 
 
 def at_every_look(alpha: float, effects: int, criteria: Criteria) -> Criteria:
-    """Criteria by which one of ``effects`` effects that are not there is ever claimed with probability ``alpha``."""
+    """Criteria by which the probability of ever claiming one of ``effects`` absent effects is at most ``alpha``."""
     claim = 2 * math.log(effects / alpha) + math.log1p(WIDTH**2)
-    # Where explanations differ most there is one trial at first: a campaign repeats it, and leaves none out.
+    # The most informative conditions have a single trial at first: a campaign repeats it rather than leave it out.
     return replace(criteria, claim=max(criteria.claim, claim), lone_trials=NONE)
 
 
 def lack_of_fit_at(look: int, alpha: float) -> float:
-    """p-value of lack of fit that refuses a model for good at look 1, 2, ...: α/(k (k + 1)), all together α."""
+    """p-value of lack of fit below which look k = 1, 2, ... rejects a model for good: α/(k (k + 1)), in total α."""
     return alpha / (look * (look + 1))
 
 
 @dataclass(frozen=True, eq=False)
-class Possible:
-    """The named set with one effect more, and what speaks against it."""
+class AddedEffect:
+    """The named set with one more effect, held at a strength, and the evidence against it."""
 
     effect: str
     share: float
-    """Its strength, as a share of its usual one."""
+    """The strength, relative to the effect's usual one."""
     fit: Fit
     rise: float
-    """Of the deviance, over that of the named set."""
+    """Rise of the deviance above that of the named set."""
     needed: float
-    """Rise from which on it is excluded."""
+    """Rise from which on the effect is excluded."""
 
     @property
     def excluded(self) -> bool:
-        """Whether it is, at every look."""
+        """Whether the effect is excluded at this strength, validly at every look."""
         return self.rise >= self.needed
 
     @property
-    def spoken_for(self) -> bool:
-        """Whether the data lean to it by two standard deviations: then it is not out of the plan's reach."""
+    def favoured(self) -> bool:
+        """Whether the data favour the effect by two standard deviations: then it is not out of the plan's reach."""
         return self.rise <= -DEFAULT.not_excluded
 
     @property
     def e_value(self) -> float:
-        """Likelihood of the named set over this one."""
+        """Likelihood ratio of the named set to this one."""
         return math.exp(min(0.5 * self.rise, 700.0))
 
 
-def possible_beside(
+def added_effects(
     search: EffectSearch, named: Fit, alpha: float, share: float, more: Sequence[str]
-) -> list[Possible]:
-    """Each of ``more`` effects beside the named set, at a share of its usual strength."""
+) -> list[AddedEffect]:
+    """Each of the effects ``more`` added to the named set, at a share of its usual strength."""
     sets = [search.extended(named.effects, [name])[0] for name in more]
     held = [_held(search, name, named.effects, share) for name in more]
     fits = search.near([search.model(names, at) for names, at in zip(sets, held, strict=True)], named)
     needed = excluding_rise(named, alpha)
     return [
-        Possible(name, share, fit, fit.deviance - named.deviance, needed) for name, fit in zip(more, fits, strict=True)
+        AddedEffect(name, share, fit, fit.deviance - named.deviance, needed)
+        for name, fit in zip(more, fits, strict=True)
     ]
 
 
 def excluding_rise(named: Fit, alpha: float) -> float:
-    """Rise of the deviance that excludes: 2 ln(1/α), more where replicates are few or cell means scatter more."""
-    freedom = int(named.cells.pure_error_dof.sum())
+    """Rise of the deviance that excludes: 2 ln(1/α), more if replicates are few or cell means are overdispersed."""
+    dof = int(named.cells.pure_error_dof.sum())
     tail = chi2_sf(2 * math.log(1 / alpha), 1)
-    return overdispersion(named) * (f_isf(tail, 1, freedom) if freedom else math.inf)
+    return overdispersion(named) * (f_isf(tail, 1, dof) if dof else math.inf)
 
 
-def _held(search: EffectSearch, name: str, beside: Names, share: float) -> dict[str, float]:
-    """Where the effect's parameters are held: where they usually are, but a strength at a share of that."""
-    strength = dict(search.strengths(beside)).get(name)
-    usual = {f"{name}.{one.name}": one.start for one in search.effects[name].parameters}
+def _held(search: EffectSearch, name: str, named: Names, share: float) -> dict[str, float]:
+    """Values at which the effect's parameters are held: the usual ones, with the strength at a share of its own."""
+    strength = dict(search.strengths(named)).get(name)
+    usual = {f"{name}.{parameter.name}": parameter.start for parameter in search.effects[name].parameters}
     if strength is not None and strength.neutral is not None:
         usual[f"{name}.{strength.name}"] = strength.neutral + share * (strength.start - strength.neutral)
     return usual

@@ -1,4 +1,4 @@
-"""What may still be true, and what it predicts of every trial that could be run."""
+"""Candidate models (explanations) and their predictions for every trial that could be run."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.observables import Observable
 
-MANY = len(Observable)
+N_OBSERVABLES = len(Observable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,67 +24,68 @@ class Explanation:
     mean: Array
     """``(n, 4)``"""
     common: Array
-    """Covariance between places, of what is not known and what trials share, ``(n, 4, n, 4)``."""
+    """Covariance between places ``(n, 4, n, 4)`` from the parameters' uncertainty and from errors that trials share."""
 
     def of(self, trials: Array) -> tuple[Array, Array]:
         """Mean ``(..., 4t)`` and covariance ``(..., 4t, 4t)`` of trials at places ``trials (..., t)``."""
         count = trials.shape[-1]
         common = self.common[trials[..., :, None], :, trials[..., None, :], :]
-        joint = np.moveaxis(common, -2, -3).reshape(*trials.shape[:-1], MANY * count, MANY * count)
-        return self.mean[trials].reshape(*trials.shape[:-1], -1), joint + np.eye(MANY * count)
+        size = N_OBSERVABLES * count
+        joint = np.moveaxis(common, -2, -3).reshape(*trials.shape[:-1], size, size)
+        return self.mean[trials].reshape(*trials.shape[:-1], -1), joint + np.eye(size)
 
 
 def explained_by(fit: Fit, places: Places) -> Explanation:
-    """What a fit predicts."""
+    """The predictions of a fit."""
     precision = places.precision
-    zero_m, scale = read_with(fit)
+    zero_m, scale = zero_and_scale(fit)
     at = places.phi, places.omega, places.clock
-    read = readings(fit, *at)
-    off = np.concatenate([fit.deviations(*at), readings_off(read, zero_m.stderr, scale.stderr)])
-    # Beside a switch parameters seem to leave open what trials have settled.
-    off *= precision * np.sqrt(np.minimum(1.0, places.known / np.maximum(np.sum(off**2, axis=0), 1e-300)))
+    expected = readings(fit, *at)
+    errors = np.concatenate([fit.deviations(*at), reading_errors(expected, zero_m.stderr, scale.stderr)])
+    # Near a switch, linearised errors may exceed those of the mean that has been measured: they are limited to these.
+    errors *= precision * np.sqrt(np.minimum(1.0, places.known / np.maximum(np.sum(errors**2, axis=0), 1e-300)))
     return Explanation(
         name=name_of(fit),
-        mean=np.asarray(read * precision),
-        common=np.einsum("api,aqj->piqj", off, off) + _diagonal(places.shared * precision**2),
+        mean=np.asarray(expected * precision),
+        common=np.einsum("api,aqj->piqj", errors, errors) + _diagonal(places.shared * precision**2),
     )
 
 
 def name_of(fit: Fit) -> str:
-    """The effects that it has, in words where it has none."""
+    """The effects of a fit; in words if it has none."""
     return " + ".join(fit.effects) or "the base model"
 
 
 def readings(fit: Fit, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
-    """What will be read at ``n`` places ``(n, 4)``, with the lift zero and the speed scale that the fit has found."""
+    """Expected readings at ``n`` places ``(n, 4)``, with the fitted lift zero and speed scale."""
     predicted = np.nan_to_num(fit.predict(phi, omega, clock).observables)
-    zero_m, scale = read_with(fit)
-    return np.asarray(predicted + readings_off(predicted, zero_m.value, scale.value).sum(axis=0))
+    zero_m, scale = zero_and_scale(fit)
+    return np.asarray(predicted + reading_errors(predicted, zero_m.value, scale.value).sum(axis=0))
 
 
-def read_with(fit: Fit) -> tuple[Estimate, Estimate]:
-    """Lift zero [m] and speed scale of trials to come: as they were found, else as well as the cameras' file knows
-    them; the next batch has its own, where batches differ."""
+def zero_and_scale(fit: Fit) -> tuple[Estimate, Estimate]:
+    """Lift zero [m] and relative speed scale error of future trials: as fitted, else zero with the cameras' accuracy;
+    where batches differ, the next batch has its own."""
     accuracy = fit.cells.accuracy
     unknown = Estimate(0.0, accuracy.lift_zero_m), Estimate(0.0, accuracy.speed_scale)
     if fit.nuisances is None:
         return unknown
-    found, apart = dict(zip(fit.nuisances.names, fit.shared, strict=True)), batch_sd_of(fit)
+    found, batch_sd = dict(zip(fit.nuisances.names, fit.shared, strict=True)), batch_sd_of(fit)
     zero, scale = found.get(LIFT_ZERO, unknown[0]), found.get(SPEED_SCALE, unknown[1])
     return (
-        Estimate(zero.value, float(np.hypot(zero.stderr, apart[BATCH_ZERO]))),
-        Estimate(scale.value, float(np.hypot(scale.stderr, apart[BATCH_SCALE]))),
+        Estimate(zero.value, float(np.hypot(zero.stderr, batch_sd[BATCH_ZERO]))),
+        Estimate(scale.value, float(np.hypot(scale.stderr, batch_sd[BATCH_SCALE]))),
     )
 
 
-def readings_off(predicted: Array, zero_m: float, scale: float) -> Array:
-    """What a lift zero and a speed scale change in ``predicted (n, 4)``, ``(2, n, 4)``."""
-    off = np.zeros((2, *predicted.shape))
-    off[0, :, Observable.lift] = zero_m
-    off[1][:, ALONG] = scale * predicted[:, ALONG]
-    return off
+def reading_errors(predicted: Array, zero_m: float, scale: float) -> Array:
+    """Changes of ``predicted (n, 4)`` by a lift zero and by a speed scale ``(2, n, 4)``."""
+    errors = np.zeros((2, *predicted.shape))
+    errors[0, :, Observable.lift] = zero_m
+    errors[1][:, ALONG] = scale * predicted[:, ALONG]
+    return errors
 
 
 def _diagonal(variance: Array) -> Array:
-    """Covariance ``(n, 4, n, 4)`` of errors that nothing else shares, of variances ``(n, 4)``."""
+    """Covariance ``(n, 4, n, 4)`` of independent errors with variances ``(n, 4)``."""
     return np.diag(variance.ravel()).reshape(*variance.shape, *variance.shape)

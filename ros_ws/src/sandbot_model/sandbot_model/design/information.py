@@ -1,7 +1,7 @@
-"""What a measurement is expected to say about which of several explanations holds.
+"""Expected information of a measurement about which of several explanations holds.
 
-I(M; y) is the mutual information of the explanation M and the outcome y. Where each explanation predicts a Gaussian,
-it has no closed form, but a bound from below that is exact in both limits (Kolchinsky & Tracey 2017, Entropy 19, 361):
+I(M; y) is the mutual information of the explanation M and the outcome y. If each explanation predicts a Gaussian, it
+has no closed form, but a lower bound that is exact in both limits (Kolchinsky & Tracey 2017, Entropy 19, 361):
 
     I ≥ -Σ_i w_i ln Σ_j w_j exp(-B_ij)
 
@@ -29,10 +29,10 @@ def information(weights: Array, means: Array, covariances: Array) -> Array:
 
 def bhattacharyya(mean: Array, other: Array, covariance: Array, other_covariance: Array) -> Array:
     """Distance ``(...)`` of Gaussians: ⅛ Δᵀ S⁻¹ Δ + ½ ln(|S| / √(|Σ₁||Σ₂|)), S = (Σ₁ + Σ₂)/2."""
-    middle, gap = 0.5 * (covariance + other_covariance), mean - other
-    apart = np.sum(gap * np.linalg.solve(middle, gap[..., None])[..., 0], axis=-1)
-    wider = _ln_det(middle) - 0.5 * (_ln_det(covariance) + _ln_det(other_covariance))
-    return np.asarray(apart / 8 + 0.5 * wider)
+    average, gap = 0.5 * (covariance + other_covariance), mean - other
+    mahalanobis = np.sum(gap * np.linalg.solve(average, gap[..., None])[..., 0], axis=-1)
+    widening = _ln_det(average) - 0.5 * (_ln_det(covariance) + _ln_det(other_covariance))
+    return np.asarray(mahalanobis / 8 + 0.5 * widening)
 
 
 def _ln_det(matrix: Array) -> Array:

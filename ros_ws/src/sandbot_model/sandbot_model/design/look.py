@@ -1,4 +1,4 @@
-"""One look at a campaign that is under way: what is known, whether that is enough, and what to run next if not."""
+"""One look at a running campaign: the verdict so far, whether it is enough, and what to run next if not."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.design.block import block
 from sandbot_model.design.curves import Curve, curves
 from sandbot_model.design.discrepancy import something_else
-from sandbot_model.design.evidence import USUAL, WEAK, Possible, at_every_look, lack_of_fit_at, possible_beside
+from sandbot_model.design.evidence import USUAL, WEAK, AddedEffect, added_effects, at_every_look, lack_of_fit_at
 from sandbot_model.design.explanations import explained_by
 from sandbot_model.design.places import Places
 from sandbot_model.design.reach import gains_over
@@ -32,7 +32,7 @@ ALPHA = 0.02
 BLOCK = 6
 """Trials between two looks."""
 RIVALS = 6
-"""Explanations between which a block decides, besides something else."""
+"""Most explanations that a block discriminates between, in addition to ``something_else``."""
 ENOUGH = "every other effect that this plan can show at its usual strength is excluded"
 ALIKE = "no trials of this plan would tell them apart"
 REFUSED = "no set of the catalogue can come back from this"
@@ -42,9 +42,9 @@ REFUSED = "no set of the catalogue can come back from this"
 class Plan:
     """What can be run, and what it costs.
 
-    ``conditions``: where trials can be run. ``cost_s``: what one costs at each, bed and all. ``replicates``: how often
-    each would be run if all of it were; what that would not show is out of reach. A block may run one more often, where
-    that says more than another. ``gait``: of all its trials; empty: that of most there have been.
+    ``conditions``: where trials can be run. ``cost_s``: the cost of a trial in each, including the bed. ``replicates``:
+    trials per condition in the whole plan, which define what is within reach; a block may repeat a condition more often
+    where that is more informative. ``gait``: that of all trials; empty: that of most trials so far.
     """
 
     conditions: Sequence[Condition]
@@ -55,7 +55,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A trial to run, and why there."""
+    """A condition chosen for a trial, and why."""
 
     phi: float
     omega_rad_s: float
@@ -64,17 +64,17 @@ class Chosen:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What one look found. ``stop`` says why the campaign may end; empty: it goes on with ``block``."""
+    """The result of one look. ``stop`` says why the campaign may end; if empty, it continues with ``block``."""
 
     found: Discovery
-    possible: tuple[Possible, ...]
-    """What may be there beside that which is named, if anything is; the least excluded first."""
+    possible: tuple[AddedEffect, ...]
+    """Effects tested in addition to those named, the least excluded first."""
     within_reach: tuple[str, ...]
-    """Those of them that the plan can still exclude."""
+    """Those of them that are not settled yet and that the plan can settle."""
     stop: str
     block: tuple[Chosen, ...]
     rivals: tuple[Curve, ...] = ()
-    """What the explanations between which the block decides say of its φ."""
+    """Predictions, at the block's φ, of the explanations that the block discriminates between."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -87,17 +87,17 @@ class Look:
             "because": verdict.because,
             "possible": [
                 {
-                    "effect": one.effect,
-                    "share_of_usual": one.share,
-                    "e_value_against": number(one.e_value),
-                    "excluded": one.excluded,
-                    "within_reach": one.effect in self.within_reach,
+                    "effect": tested.effect,
+                    "share_of_usual": tested.share,
+                    "e_value_against": number(tested.e_value),
+                    "excluded": tested.excluded,
+                    "within_reach": tested.effect in self.within_reach,
                 }
-                for one in self.possible
+                for tested in self.possible
             ],
             "stop": self.stop,
-            "next": [vars(one) for one in self.block],
-            "rivals": [asdict(one) for one in self.rivals],
+            "next": [vars(trial) for trial in self.block],
+            "rivals": [asdict(curve) for curve in self.rivals],
         }
 
     def __str__(self) -> str:
@@ -105,9 +105,10 @@ class Look:
         verdict = f"{self.found.cells.trials} trials: {self.found.headline}"
         if self.stop:
             return f"{verdict}; {self.stop}"
-        left = f", perhaps with {' or '.join(self.within_reach)}" if self.within_reach else ""
+        unsettled = f", perhaps with {' or '.join(self.within_reach)}" if self.within_reach else ""
         first = self.block[0]
-        return f"{verdict}{left}; next: φ {first.phi:.3f}, ω {first.omega_rad_s:.3g} rad/s, because {first.because}"
+        where = f"φ {first.phi:.3f}, ω {first.omega_rad_s:.3g} rad/s"
+        return f"{verdict}{unsettled}; next: {where}, because {first.because}"
 
 
 def look(
@@ -122,80 +123,81 @@ def look(
     criteria: Criteria = DEFAULT,
     fit_all: Map = map,
 ) -> Look:
-    """Judge what there is, ``number`` 1 at the first look, and choose the next block.
+    """Judge the trials so far, ``number`` counting looks from 1, and choose the next block.
 
-    The verdict is ``discover``'s, at a ``claim`` that holds at every look. It is enough where something is named, or
-    nothing missing, or sets are left that no trials of the plan would tell apart, and everything else that the plan can
-    show is excluded beside it; or where lack of fit refuses all there is for good.
+    The verdict is ``discover``'s, with a ``claim`` that is valid at every look. A campaign may stop if effects are
+    named, none is missing, or the plan can't separate the sets left, and every other effect that the plan can show is
+    excluded; or if lack of fit rejects all sets for good.
     """
     criteria = at_every_look(alpha, len(effects), criteria)
     found = discover(cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all)
     places = Places.of(plan.conditions, found.fit, plan.gait)
-    possible: list[Possible] = []
-    open_ones: list[Possible] = []
+    possible: list[AddedEffect] = []
+    open_ones: list[AddedEffect] = []
     match found.verdict.status:
         case "adequate" | "identified" | "ambiguous":
-            alike = _alike(found)
-            if _differ(alike, places, plan, criteria.clearly):
-                rivals, stop = alike, ""
+            equivalent = _equivalent(found)
+            if _separable(equivalent, places, plan, criteria.clearly):
+                rivals, stop = equivalent, ""
             else:
                 catalogue = {**effects, **found.fit.model.catalogue}
                 search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
                 possible, open_ones = _possible(search, found.fit, places, plan, alpha)
-                rivals = [*alike, *(one.fit for one in open_ones)]
-                stop = "" if open_ones else ENOUGH if len(alike) == 1 else ALIKE
+                rivals = [*equivalent, *(added.fit for added in open_ones)]
+                stop = "" if open_ones else ENOUGH if len(equivalent) == 1 else ALIKE
         case status:
             rivals = [fit for fit in found.fits if sound(fit)] or [found.fit]
             refused = status != "untested" and max(fit.lack_of_fit_p for fit in rivals) < lack_of_fit_at(number, alpha)
             stop = REFUSED if refused else ""
     rivals = rivals[:RIVALS]
-    block = () if stop else _next(rivals, places, plan, criteria)
-    drawn = curves(rivals, {one.phi for one in block}, [omega for _, omega in plan.conditions], places.clock)
-    return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block, drawn)
+    block = () if stop else _next_block(rivals, places, plan, criteria)
+    drawn = curves(rivals, {trial.phi for trial in block}, [omega for _, omega in plan.conditions], places.clock)
+    return Look(found, tuple(possible), tuple(added.effect for added in open_ones), stop, block, drawn)
 
 
-def _alike(found: Discovery) -> list[Fit]:
-    """What the verdict names, and the other sets that explain the data alike."""
+def _equivalent(found: Discovery) -> list[Fit]:
+    """The set that the verdict names, and its alternatives, which explain the data equally well."""
     others = found.verdict.alternatives[1:]
     return [found.fit, *(next(fit for fit in found.fits if fit.effects == names) for names in others)]
 
 
 def _possible(
     search: EffectSearch, named: Fit, places: Places, plan: Plan, alpha: float
-) -> tuple[list[Possible], list[Possible]]:
-    """Every effect that is not named, the least excluded first: a weak one where the plan can show it, else a usual.
+) -> tuple[list[AddedEffect], list[AddedEffect]]:
+    """Every effect that is not named, the least excluded first, at weak strength where the plan can show that, else at
+    usual strength; then those of them that are still open.
 
-    Then those that are still open: the data speak for them, or they are not excluded, and the whole of the plan would
-    exclude them in nine campaigns of ten.
+    An effect is open if the data favour it, or if it is not excluded and the whole plan would exclude it in nine
+    campaigns of ten.
     """
     gain = gains_over(named, places, plan.replicates)
 
-    def is_open(one: Possible) -> bool:
-        return one.spoken_for or (not one.excluded and gain(one.fit) > (math.sqrt(one.needed) + Z) ** 2)
+    def is_open(added: AddedEffect) -> bool:
+        return added.favoured or (not added.excluded and gain(added.fit) > (math.sqrt(added.needed) + Z) ** 2)
 
     more = [name for name in search.names if name not in named.effects]
-    weak = possible_beside(search, named, alpha, WEAK, more)
-    open_ones = [one for one in weak if is_open(one)]
-    faint = [one for one in weak if not one.excluded and one not in open_ones]
-    usual = possible_beside(search, named, alpha, USUAL, [one.effect for one in faint])
-    open_ones += [one for one in usual if is_open(one)]
-    shown = [one for one in weak if one not in faint]
+    weak = added_effects(search, named, alpha, WEAK, more)
+    open_ones = [added for added in weak if is_open(added)]
+    too_weak = [added for added in weak if not added.excluded and added not in open_ones]
+    usual = added_effects(search, named, alpha, USUAL, [added.effect for added in too_weak])
+    open_ones += [added for added in usual if is_open(added)]
+    shown = [added for added in weak if added not in too_weak]
     return sorted([*shown, *usual], key=_rise), sorted(open_ones, key=_rise)
 
 
-def _rise(one: Possible) -> float:
-    return one.rise
+def _rise(added: AddedEffect) -> float:
+    return added.rise
 
 
-def _differ(alike: Sequence[Fit], places: Places, plan: Plan, clearly: float) -> bool:
-    """Whether the whole of the plan would tell the best of some sets from any other."""
-    gain = gains_over(alike[0], places, plan.replicates)
-    return any(gain(other) > (math.sqrt(clearly) + Z) ** 2 for other in alike[1:])
+def _separable(fits: Sequence[Fit], places: Places, plan: Plan, clearly: float) -> bool:
+    """Whether the whole plan would separate the first of these fits from any of the others."""
+    gain = gains_over(fits[0], places, plan.replicates)
+    return any(gain(other) > (math.sqrt(clearly) + Z) ** 2 for other in fits[1:])
 
 
-def _next(rivals: Sequence[Fit], places: Places, plan: Plan, criteria: Criteria) -> tuple[Chosen, ...]:
-    """The block that decides between sets and something else that is smooth, on top of the first."""
+def _next_block(rivals: Sequence[Fit], places: Places, plan: Plan, criteria: Criteria) -> tuple[Chosen, ...]:
+    """The block that best discriminates between the rivals and a smooth discrepancy on top of the first."""
     explanations = [explained_by(fit, places) for fit in rivals]
     explanations.append(something_else(rivals[0], places, criteria.gross))
-    chosen = block(explanations, np.array([plan.cost_s(one) for one in plan.conditions]), BLOCK)
+    chosen = block(explanations, np.array([plan.cost_s(condition) for condition in plan.conditions]), BLOCK)
     return tuple(Chosen(*plan.conditions[place], because(explanations, place)) for place in chosen)

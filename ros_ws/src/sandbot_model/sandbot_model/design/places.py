@@ -1,4 +1,4 @@
-"""Where trials can be run, and how well one measures there."""
+"""Where trials can be run, and how precise one is there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from sandbot_model.physics.gait import Clock, clock
 from sandbot_model.physics.observables import shared_variance, usual_noise
 
 WIDE = 2.0
-"""Standard deviations that a bed may miss its φ by."""
+"""Deviation of φ from its target, in standard deviations, that a bed may have."""
 SAME_PHI = 0.002
-"""A level that was measured so near to a φ asked for is that φ: beds are prepared to 0.001."""
+"""A measured level this close to a requested φ counts as that φ: beds are prepared to 0.001."""
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Conditions at which trials can be run, ``n`` of them, and how well one trial measures there."""
+    """The ``n`` conditions in which trials can be run, and the precision of one trial in each."""
 
     phi: Array
     omega: Array
@@ -33,25 +33,25 @@ class Places:
     shared: Array
     """Variance that the trials of one condition share ``(n, 4)``."""
     known: Array
-    """Variance of the mean of the trials there have been ``(n, 4)``; infinite where there were none."""
+    """Variance of the mean of the trials so far ``(n, 4)``; infinite where there are none."""
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], fit: Fit, gait: str = "") -> "Places":
-        """As the trials of a fit were measured; in the gait of most of them, if in none that is named."""
+        """Conditions measured as the trials of a fit were; in the gait of most of them if none is given."""
         cells, gait = fit.cells, gait or fit.gait
         turning = clock([gait])[0]
-        asked, omega = np.array(conditions, dtype=float).T
-        # Beside a switch the bed's own miss of its target decides which side a prediction is on.
-        nearest = cells.level_phi[np.abs(asked[:, None] - cells.level_phi).argmin(axis=1)]
-        phi = np.where(np.abs(nearest - asked) < SAME_PHI, nearest, asked)
+        requested, omega = np.array(conditions, dtype=float).T
+        # Near a switch, the bed's deviation from its target decides which side of it a prediction is on.
+        nearest = cells.level_phi[np.abs(requested[:, None] - cells.level_phi).argmin(axis=1)]
+        phi = np.where(np.abs(nearest - requested) < SAME_PHI, nearest, requested)
         sides = [fit.predict(phi + sign * cells.phi_scatter, omega, turning).observables for sign in (-1.0, 1.0)]
         noise = scatter_of_one(cells) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2
-        same = _same(omega, cells, gait)
+        same = _same_omega_and_gait(omega, cells, gait)
         there = np.asarray(same & (phi[:, None] == cells.level_phi[cells.level]))
-        by_chance = _by_chance(fit, phi, omega, turning, there)
-        noise = np.where(_measured(cells, same) & ~by_chance[:, None], noise, np.inf)
+        by_chance = _walks_by_chance(fit, phi, omega, turning, there)
+        noise = np.where(_measurable(cells, same) & ~by_chance[:, None], noise, np.inf)
         shared = shared_variance(cells.accuracy, fit.predict(phi, omega, turning).observables)
-        return cls(phi, omega, turning, noise, shared, _known(cells, there))
+        return cls(phi, omega, turning, noise, shared, _variance_so_far(cells, there))
 
     @cached_property
     def precision(self) -> Array:
@@ -60,31 +60,31 @@ class Places:
 
 
 def scatter_of_one(cells: Cells) -> Array:
-    """Standard deviation of one trial of each observable ``(4,)``: as replicates say, else as is usual."""
+    """Standard deviation of one trial of each observable ``(4,)``: from replicates, else the usual one."""
     return np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy))
 
 
-def _known(cells: Cells, there: Bool) -> Array:
+def _variance_so_far(cells: Cells, there: Bool) -> Array:
     variance = np.diagonal(cells.covariance, axis1=1, axis2=2)[there.argmax(axis=1)]
     return np.where(there.any(axis=1, keepdims=True) & np.isfinite(variance), variance, np.inf)
 
 
-def _by_chance(fit: Fit, phi: Array, omega: Array, turning: Clock, there: Bool) -> Bool:
-    """Where the bed's misses of φ decide whether the robot walks or swims: that tells nothing of a model ``(n,)``."""
+def _walks_by_chance(fit: Fit, phi: Array, omega: Array, turning: Clock, there: Bool) -> Bool:
+    """Where the scatter of φ decides whether the robot walks or swims, so that a trial says nothing ``(n,)``."""
     cells, problem = fit.cells, fit.problem
     walks = [fit.predict(phi + sign * WIDE * cells.phi_scatter, omega, turning).walking for sign in (-1.0, 1.0)]
     clear = problem.away_from_switch(problem.widening(fit.state.covariance[0]))
     return np.asarray((walks[0] != walks[1]) | (there & ~clear).any(axis=1))
 
 
-def _measured(cells: Cells, same: Bool) -> Bool:
-    """Whether each observable can be had at each frequency: a camera may be too slow for one that no trial had."""
-    had: Bool = np.isfinite(cells.mean)
-    at_it = (same[:, :, None] & had).any(axis=1)
-    return np.asarray(np.where(np.any(same, axis=1, keepdims=True), at_it, had.any(axis=0)))
+def _measurable(cells: Cells, same: Bool) -> Bool:
+    """Whether each observable can be measured at each frequency: where no trial has it, the camera may be too slow."""
+    measured: Bool = np.isfinite(cells.mean)
+    at_omega = (same[:, :, None] & measured).any(axis=1)
+    return np.asarray(np.where(np.any(same, axis=1, keepdims=True), at_omega, measured.any(axis=0)))
 
 
-def _same(omega: Array, cells: Cells, gait: str) -> Bool:
-    """Which cells are of the gait, at each frequency ``(n, cells)``."""
+def _same_omega_and_gait(omega: Array, cells: Cells, gait: str) -> Bool:
+    """Which cells have the gait and each of the frequencies ``(n, cells)``."""
     near = np.abs(omega[:, None] / cells.omega - 1.0) < OMEGA_TOLERANCE
     return np.asarray(near & (np.array(cells.gait) == gait))

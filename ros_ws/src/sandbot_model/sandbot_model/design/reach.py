@@ -1,10 +1,10 @@
-"""What a plan would show if the whole of it were run."""
+"""What a plan would show if all of it were run."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from sandbot_model.design.explanations import readings_off
+from sandbot_model.design.explanations import reading_errors
 from sandbot_model.design.places import Places
 from sandbot_model.discovery.next_trials import SETTLED_SD
 from sandbot_model.fitting.fit import Fit
@@ -12,28 +12,28 @@ from sandbot_model.physics.arrays import Array
 
 
 def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], float]:
-    """Rise of the deviance from a fit to another that is expected once every place has had ``replicates`` trials, less
-    what the unknowns of the first and the readings' zero and scale can absorb.
+    """A function of another fit: the rise of the deviance from ``named`` to it that is expected after ``replicates``
+    trials at every place, less what the unknowns of ``named`` and the readings' zero and scale can absorb.
 
-    A place where one walks and the other swims counts for ``SETTLED_SD``: how near the switch is, nobody knows well.
+    Each gap counts for at most ``SETTLED_SD``: where one fit walks and the other swims, the switch is not known well.
     """
     error = np.sqrt(places.noise / replicates + places.shared)
-    read, accuracy = _read(named, places), named.cells.accuracy
-    free = (named.deviations(places.phi, places.omega, places.clock) / error).reshape(-1, read.size)
-    prior = (readings_off(read, accuracy.lift_zero_m, accuracy.speed_scale) / error).reshape(-1, read.size)
+    expected, accuracy = _predicted(named, places), named.cells.accuracy
+    free = (named.deviations(places.phi, places.omega, places.clock) / error).reshape(-1, expected.size)
+    prior = (reading_errors(expected, accuracy.lift_zero_m, accuracy.speed_scale) / error).reshape(-1, expected.size)
 
     def gain(other: Fit) -> float:
-        gap = np.clip((_read(other, places) - read) / error, -SETTLED_SD, SETTLED_SD).ravel()
-        return _left(gap, free, prior)
+        gap = np.clip((_predicted(other, places) - expected) / error, -SETTLED_SD, SETTLED_SD).ravel()
+        return _unabsorbed(gap, free, prior)
 
     return gain
 
 
-def _read(fit: Fit, places: Places) -> Array:
+def _predicted(fit: Fit, places: Places) -> Array:
     return np.nan_to_num(fit.predict(places.phi, places.omega, places.clock).observables)
 
 
-def _left(gap: Array, free: Array, prior: Array) -> float:
+def _unabsorbed(gap: Array, free: Array, prior: Array) -> float:
     """Least |gap - aᵀ free - bᵀ prior|² + |b|²."""
     priors = np.eye(len(free) + len(prior))[len(free) :]
     slopes = np.concatenate([np.concatenate([free, prior]).T, priors])

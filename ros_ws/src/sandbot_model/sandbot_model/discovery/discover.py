@@ -35,10 +35,10 @@ from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
-from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
+from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
-from sandbot_model.discovery.plausibility import doubts, strange_k
+from sandbot_model.discovery.plausibility import doubts, implausible_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
@@ -283,7 +283,7 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
 def _hidden_and_next_trials(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
     """Effects that could be hidden if the base model is adequate, and the trials to run next."""
     if hidden := unseen(search, named) if verdict.status == "adequate" else []:
-        return hidden, excluding(search.fits[()], hidden)
+        return hidden, trials_to_exclude(search.fits[()], hidden)
     if verdict.status == "untested":
         return [], repeats(search.cells)
     return [], next_trials([search.fits[names] for names in verdict.alternatives])
@@ -294,7 +294,7 @@ def _with_remarks(
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     because = [verdict.because]
-    if strange := strange_k(search.fits[()]):
+    if strange := implausible_k(search.fits[()]):
         because.append(strange)
     if hidden:
         because.append(_not_excluded(hidden, trials, search.criteria))

@@ -1,8 +1,8 @@
-"""The verdict's own error rates for one design: campaigns simulated from a fit, each judged as the real one was.
+"""The verdict's error rates for one design, from campaigns simulated from a fit and judged as the real one was.
 
-A simulated campaign has the trials of the real one, each at its φ and ω, with the scatter of its replicates and with
-nuisances of its own: offsets of k by batch where the fit has them, its drift, and a zero of the lift and a speed scale
-drawn from their priors. A penetrometer's readings are drawn anew, too.
+A simulated campaign has the trials of the real one, each at its φ and ω, with the scatter of its replicates. Its
+nuisances are the fitted drift, offsets drawn for each batch where the fit has them, and a lift zero and a speed scale
+drawn from their priors. Penetrometer readings are redrawn, too.
 """
 
 from collections import Counter
@@ -29,12 +29,12 @@ from sandbot_record.trials.table import Trials
 
 CLAIMS = ("identified", "partial", "ambiguous")
 """Verdicts that name effects."""
-SURE = 0.95
+CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something was said of simulated campaigns, with its interval at 95 % (Clopper & Pearson 1934)."""
+    """A count of simulated campaigns, with its 95 % confidence interval (Clopper & Pearson 1934)."""
 
     count: int
     campaigns: int
@@ -42,7 +42,7 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float]:
         """Lower and upper end."""
-        tail, k, n = 0.5 * (1 - SURE), self.count, self.campaigns
+        tail, k, n = 0.5 * (1 - CONFIDENCE), self.count, self.campaigns
         low = beta_ppf(tail, k, n - k + 1) if k else 0.0
         return low, beta_ppf(1 - tail, k + 1, n - k) if k < n else 1.0
 
@@ -52,14 +52,14 @@ class Rate:
 
 @dataclass(frozen=True)
 class ErrorRates:
-    """What is said of campaigns of one design in which certain effects are hidden."""
+    """Verdicts on simulated campaigns of one design in which the ``hidden`` effects are present."""
 
     hidden: tuple[str, ...]
     statuses: Mapping[str, int]
     named: Rate
-    """Verdicts that name what is hidden, or have it among their alternatives; ``adequate`` if nothing is hidden."""
+    """Verdicts that name the hidden set or list it among the alternatives; if nothing is hidden, ``adequate`` ones."""
     false_claims: Rate
-    """Verdicts that name effects none of whose alternatives is what is hidden."""
+    """Verdicts that name effects, but do not have the hidden set among their alternatives."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as ``discover --json`` has it."""
@@ -67,7 +67,10 @@ class ErrorRates:
         return {
             "hidden": list(self.hidden),
             "statuses": dict(self.statuses),
-            **{name: {"count": one.count, "of": one.campaigns, "at_95": one.interval} for name, one in rates.items()},
+            **{
+                name: {"count": rate.count, "of": rate.campaigns, "at_95": rate.interval}
+                for name, rate in rates.items()
+            },
         }
 
     def __str__(self) -> str:
@@ -87,12 +90,12 @@ def error_rates(
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> ErrorRates:
-    """Judge ``campaigns`` simulated ones in which ``truth`` is true."""
+    """Judge this many simulated ``campaigns``, in each of which ``truth`` is the true model."""
     hidden, statuses = frozenset(truth.effects), Counter[str]()
     named = claimed = 0
     for done, child in enumerate(np.random.SeedSequence(seed).spawn(campaigns), start=1):
         rng = np.random.default_rng(child)
-        cells = cells_of(simulated(trials, truth, rng), pressed_anew(truth, rng))
+        cells = cells_of(simulated(trials, truth, rng), redrawn_readings(truth, rng))
         verdict = discover(
             cells, effects, base=truth.model.base, max_effects=max_effects, criteria=criteria, fit_all=fit_all
         ).verdict
@@ -105,7 +108,7 @@ def error_rates(
 
 
 def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
-    """The trials of a campaign, their observables drawn anew from a fit; what was not measured is not."""
+    """The trials of a campaign with observables redrawn from a fit; NaN where the real ones were not measured."""
     cell = np.where(trials.usable, cell_of(trials, truth.cells), -1)
     known = cell >= 0
     drawn = np.full((len(trials), len(Observable)), np.nan)
@@ -116,11 +119,10 @@ def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
     return replace(trials, **columns)
 
 
-def pressed_anew(truth: Fit, rng: np.random.Generator) -> Readings | None:
-    """Readings of a fit's ground, at the φ and depths of those it was fitted to and as uncertain; None without any.
+def redrawn_readings(truth: Fit, rng: np.random.Generator) -> Readings | None:
+    """Penetrometer readings redrawn from a fit, at the φ, depths and uncertainties of the real ones; None without any.
 
-    As in the fit a reading scatters by its own standard deviation and all of them by one scale; what batches of trials
-    share is not in it.
+    As in the fit, each reading has an independent error and all share one scale error; batch offsets do not enter.
     """
     real = truth.cells.pressed
     if real is None:
@@ -132,51 +134,51 @@ def pressed_anew(truth: Fit, rng: np.random.Generator) -> Readings | None:
 
 
 def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
-    """Observables ``(trials, 4)`` with everything that differs between trials, and that trials share."""
+    """Simulated observables ``(trials, 4)``, with the scatter of single trials and the nuisances that trials share."""
     offset = _ln_k_offset(trials, cell, truth, rng)
     values = np.empty((len(trials), len(Observable)))
-    clocks = clock(tuple(str(one) for one in trials.gait))
-    for one in np.unique(offset):
-        at = offset == one
-        shifted = replace(truth, point=replace(truth.point, ln_k=truth.point.ln_k + one))
+    clocks = clock(tuple(str(gait) for gait in trials.gait))
+    for value in np.unique(offset):
+        at = offset == value
+        shifted = replace(truth, point=replace(truth.point, ln_k=truth.point.ln_k + value))
         values[at] = shifted.predict(trials.phi[at], trials.omega_rad_s[at], clocks[at]).observables
     values += np.einsum("tij,tj->ti", _root(truth.cells)[cell], rng.standard_normal(values.shape))
     accuracy = truth.cells.accuracy
     values[:, Observable.lift] += accuracy.lift_zero_m * rng.standard_normal()
     values[:, ALONG] *= 1 + accuracy.speed_scale * rng.standard_normal()
-    values[:, Observable.lift] += _of_each_batch(trials, cell, truth, BATCH_ZERO, rng)
-    values[:, ALONG] *= 1 + _of_each_batch(trials, cell, truth, BATCH_SCALE, rng)[:, None]
+    values[:, Observable.lift] += _batch_offsets(trials, cell, truth, BATCH_ZERO, rng)
+    values[:, ALONG] *= 1 + _batch_offsets(trials, cell, truth, BATCH_SCALE, rng)[:, None]
     return values
 
 
 def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
-    """What ln k of each trial differs by: the drift that was found, and an offset drawn for each batch."""
+    """Offset of each trial's ln k: the fitted drift, and an offset drawn for its batch."""
     offset = np.zeros(len(trials))
-    own = truth.nuisances
-    if own is None:
+    nuisances = truth.nuisances
+    if nuisances is None:
         return offset
-    offset += _of_each_batch(trials, cell, truth, BATCH, rng)
-    for name, (value, _) in zip(own.names, truth.shared, strict=True):
+    offset += _batch_offsets(trials, cell, truth, BATCH, rng)
+    for name, (value, _) in zip(nuisances.names, truth.shared, strict=True):
         if name == DRIFT and truth.cells.order is not None:
             offset += value * truth.cells.order[cell]
     return offset
 
 
-def _of_each_batch(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.random.Generator) -> Array:
-    """What each trial's batch has of this name of its own, drawn; 0 where the fit does not grant that."""
+def _batch_offsets(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.random.Generator) -> Array:
+    """An offset of the nuisance ``name`` drawn for each trial's batch; 0 where the fit has no such nuisance."""
     sd = batch_sd_of(truth)[name] if truth.nuisances is not None else 0.0
     if not sd:
         return np.zeros(len(trials))
-    names = cell if truth.cells.batch_share is None else np.asarray(trials.batch)
-    _, batch = np.unique(names, return_inverse=True)
+    labels = cell if truth.cells.batch_share is None else np.asarray(trials.batch)
+    _, batch = np.unique(labels, return_inverse=True)
     return sd * rng.standard_normal(int(batch.max()) + 1)[batch]
 
 
 def _root(cells: Cells) -> Array:
-    """Cholesky root of the covariance of one trial in each cell ``(n, 4, 4)``, without what replicates share."""
+    """A root A of the covariance A Aᵀ of one trial in each cell ``(n, 4, 4)``, without what replicates share."""
     shared = shared_variance(cells.accuracy, np.nan_to_num(cells.mean))[:, :, None] * np.eye(len(Observable))
     count = np.sqrt(np.maximum(cells.n, 1).astype(float))
     both = np.isfinite(cells.mean[:, :, None]) & np.isfinite(cells.mean[:, None, :])
-    one = np.where(both, (cells.covariance - shared) * count[:, :, None] * count[:, None, :], 0.0)
-    variance, axes = np.linalg.eigh(one)
+    single = np.where(both, (cells.covariance - shared) * count[:, :, None] * count[:, None, :], 0.0)
+    variance, axes = np.linalg.eigh(single)
     return np.asarray(axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])

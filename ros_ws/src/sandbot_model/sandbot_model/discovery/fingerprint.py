@@ -1,7 +1,7 @@
-"""Where an effect would show: what the base model, fitted to trials of a world that has it, would still miss.
+"""Where an effect would show: the residuals of the base model fitted to trials in which the effect is present.
 
-The world is the usual one (k(φ) and Δt of the predictor's defaults), the trials are as exact as the usual cameras make
-them, and the base model's k(φ), Δt and swimming speed have followed: what they absorb is not seen (physics §7).
+The trials are simulated with the predictor's default k(φ) and Δt and scatter as the usual cameras' do. The base model's
+k(φ), Δt and swimming speed are fitted to them, so what these absorb does not show (physics §7).
 """
 
 from collections.abc import Mapping
@@ -28,9 +28,9 @@ OMEGA_RAD_S = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0)
 TRIALS = 3
 """Trials in each condition."""
 SEEN = 3.0
-"""Standard errors of a condition's mean from which on an effect shows in it."""
+"""An effect shows in a condition if it moves the mean by at least this many standard errors."""
 _SIGNS = hadamard(8)[:, 1:5]
-"""Eight replicates whose scatter is the usual one in each observable, and in no two of them together."""
+"""Deviations of eight replicates, orthogonal so that no two observables are correlated."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,22 @@ class Fingerprint:
     missed: Array
 
     def largest(self, observable: Observable) -> tuple[float, float, float]:
-        """(standard errors, φ, ω [rad/s]) where one observable shows most."""
+        """(standard errors, φ, ω [rad/s]) where the effect is largest in one observable."""
         row, column = np.unravel_index(np.abs(self.missed[..., observable]).argmax(), self.missed.shape[:2])
         return float(self.missed[row, column, observable]), PHI[row], OMEGA_RAD_S[column]
 
 
 def fingerprint(effect: Effect, catalogue: Mapping[str, Effect]) -> Fingerprint:
-    """Of an effect of the catalogue, at its usual strength (the start of its parameters)."""
+    """The fingerprint of an effect of the catalogue at its usual strength (the start values of its parameters)."""
     defaults = PredictorParameters()
     phi, omega = (axis.ravel() for axis in np.meshgrid(PHI, OMEGA_RAD_S, indexing="ij"))
     values = {parameter.name: parameter.start for parameter in effect.parameters}
     gait = "SGCS" if effect.clocked else "UNIFORM"
     curve = KCurve(np.array(defaults.phi), np.array(defaults.k_n_per_m))
-    turning = clock([gait] * len(phi))
-    given = Inputs(curve(phi), omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, turning, curve)
+    clocks = clock([gait] * len(phi))
+    inputs = Inputs(curve(phi), omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, clocks, curve)
     walker = model_of("simple", (effect.identifier,), catalogue).walker
-    measured = predicted(walker, given, [values], curve).observables
+    measured = predicted(walker, inputs, [values], curve).observables
     sd = usual_noise(Accuracy())
     scatter = _SIGNS * sd * np.sqrt(1 - 1 / len(_SIGNS))
     rows = [
@@ -64,9 +64,9 @@ def fingerprint(effect: Effect, catalogue: Mapping[str, Effect]) -> Fingerprint:
         for cell, mean in enumerate(measured.tolist()) for replicate, extra in enumerate(scatter.tolist())
     ]  # fmt: skip
     fitted = fit(model_of("simple", (), catalogue), cells_of(from_rows(rows)))
-    # Beside the switch to swimming the fit itself is in doubt of what the robot does.
+    # Near the switch to swimming, the fit cannot say whether the robot walks.
     clear = fitted.problem.away_from_switch(fitted.problem.widening(fitted.state.covariance[0]))
-    away = np.nan_to_num((fitted.cells.mean - fitted.predicted) / sd) * np.sqrt(TRIALS)
-    missed = np.where(clear[:, None], away, 0.0)
+    residual = np.nan_to_num((fitted.cells.mean - fitted.predicted) / sd) * np.sqrt(TRIALS)
+    missed = np.where(clear[:, None], residual, 0.0)
     missed = missed[np.lexsort((fitted.cells.omega, fitted.cells.phi))]
     return Fingerprint(missed.reshape(len(PHI), len(OMEGA_RAD_S), len(Observable)))

@@ -1,4 +1,4 @@
-"""Nothing of the catalogue fits: the formula to try, by itself or on top of the effects that go with it."""
+"""The formula to try where no set of the catalogue fits, alone or on top of effects that complement it."""
 
 from collections.abc import Sequence
 
@@ -21,42 +21,41 @@ from sandbot_model.fitting.global_minimum import far_above, solve
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 
-NEARLY = 5.0
-"""Deviance per degree of freedom up to which a formula may lack just one effect of the catalogue beside it."""
-TERMS = 500
-"""Terms that a formula is picked from, about."""
+NEARLY_FITS = 5.0
+"""Deviance per degree of freedom up to which a formula is tried with one more effect of the catalogue."""
+LIBRARY_SIZE = 500
+"""Approximate number of terms that a formula is selected from."""
 
 
 def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
-    """On top of nothing if that is enough, or of the best set, or of one effect more; None where nothing says what is
-    noise."""
+    """The best formula on top of the base model, of the best set, or of either with one more effect; None if nothing
+    gains enough or pure error is unknown."""
     if np.isnan(search.fits[()].lack_of_fit_p):
         return None
     best = formula_on_top_of(search, [(), best_earned(search.fits, search.criteria).effects])
     if best is None or best.leaves_nothing:
         return best
-    if best.deviance[1] > NEARLY * search.fits[best.effects].goodness.dof:
+    if best.deviance[1] > NEARLY_FITS * search.fits[best.effects].goodness.dof:
         return best
-    beside = _beside(search, best)
-    more = formula_on_top_of(search, [beside]) if beside else None
+    larger = _with_one_more_effect(search, best)
+    more = formula_on_top_of(search, [larger]) if larger else None
     return more if more is not None and more.bic < best.bic else best
 
 
 def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedFormula | None:
-    """The formula that repairs most of what sets miss: the first that leaves replicates nothing to explain, by itself
-    or beside all that trials may share, or the best by itself. In a lift that is read too high any formula repairs
-    something."""
+    """The first formula on top of one of the sets that leaves no lack of fit, without nuisances or else with all of
+    them; failing that, the best without. If the lift's zero is off, any formula seems to gain something."""
     wanted = list(dict.fromkeys(sets))
-    search.fit("formula, beside an effect", [names for names in wanted if names not in search.fits], nearby=False)
-    best = _enough_or_best(search, [search.fits[names] for names in wanted])
+    search.fit("formula, on top of effects", [names for names in wanted if names not in search.fits], nearby=False)
+    best = _sufficient_or_best(search, [search.fits[names] for names in wanted])
     if best is None or best.leaves_nothing:
         return best
-    shared = _enough_or_best(search, list(refitted_at_priors(search, wanted).values()))
+    shared = _sufficient_or_best(search, list(refitted_at_priors(search, wanted).values()))
     return shared if shared is not None and shared.leaves_nothing else best
 
 
-def _enough_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormula | None:
-    """The first formula that leaves replicates nothing to explain, on top of these in turn, or the best."""
+def _sufficient_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormula | None:
+    """The first formula on top of one of these fits, in turn, that leaves no lack of fit; else that of least BIC."""
     found = []
     for fit in fits:
         if (formula := _on_top_of(search, fit)) is not None:
@@ -67,16 +66,16 @@ def _enough_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormu
 
 
 def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Verdict | None:
-    """Unexplained, where one formula on fewer effects, picked from many, leaves replicates nothing to explain and fits
-    clearly better than what is claimed.
+    """The verdict ``unexplained`` if a formula on top of fewer effects leaves no lack of fit and its BIC is clearly
+    better than the claim's, even after the price of its selection from many; else None.
 
-    Several effects together, or one in another shape or beside a bed that scatters, can imitate what none of them is.
-    ``fits`` are those that the claim rests on: what these take for granted the formula has, too.
+    Several effects together, one under another convention or one with batch offsets can imitate a mechanism that is
+    none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances.
     """
     claimed = fits[claim.effects]
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
-    lead = search.criteria.clearly * overdispersion(claimed) + selection_penalty(TERMS)
+    lead = search.criteria.clearly * overdispersion(claimed) + selection_penalty(LIBRARY_SIZE)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
         if formula is not None and formula.bic < claimed.bic - lead and formula.leaves_nothing:
@@ -89,7 +88,7 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
 
 
 def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:
-    """The formula that repairs most of what a fit misses; None where its first look stays above a deviance."""
+    """The formula that gains most on top of a fit, cached; None as in ``suggest_formula``."""
     if fit not in search.formulas:
         found = suggest_formula(
             fit,
@@ -105,10 +104,10 @@ def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> Sugg
     return search.formulas[fit]
 
 
-def _beside(search: EffectSearch, formula: SuggestedFormula) -> Names:
-    """The formula's set with the one effect more that suits it best; empty if none is worth adding.
+def _with_one_more_effect(search: EffectSearch, formula: SuggestedFormula) -> Names:
+    """The formula's set with the effect that best complements the formula; empty if none earns its claim.
 
-    An effect of the catalogue beside a strong one of another kind may not be seen before that is described.
+    An effect of the catalogue may show only after a stronger one outside it has been described by the formula.
     """
     effects = {**search.effects, formula.name: formula_effect(formula.formula)}
     sets = search.extended(formula.effects)

@@ -1,7 +1,8 @@
-"""Effects that are absent get a limit in place of silence: ``stance_overlap.eta < 0.02`` at 95 % confidence.
+"""Confidence limits at 95 % on effects that are absent, such as ``stance_overlap.eta < 0.02``.
 
-From the profile likelihood beside the nuisances of what was named. An effect that only takes (η, σ) has an upper limit,
-where the deviance has risen by 2.71; one that may act either way (b, χ) an interval, where it has risen by 3.84.
+They come from the profile likelihood, with the nuisances of the named set. An effect that can only reduce something
+(η, σ) has an upper limit, where the deviance has risen by 2.71; an effect of either sign (b, χ) has an interval, where
+it has risen by 3.84.
 """
 
 from dataclasses import dataclass
@@ -19,15 +20,15 @@ from sandbot_model.physics.effect import Parameter
 
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
-TRIED = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)
-"""Values at which the profile is taken, in standard errors about the estimate to first order."""
-STEEPEST = 0.5
-"""Standard errors to first order nearer than which no limit can be: the deviance is a staircase there, no parabola."""
+PROFILED_AT = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)
+"""Values at which the profile is computed, in standard errors from the linearised estimate."""
+NEAREST = 0.5
+"""Linearised standard errors within which no limit is credible: the deviance is a staircase there, not a parabola."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What a parameter of an absent effect can be at 95 %; None where its range ends or these data set no limit."""
+    """Limits at 95 % on a parameter of an absent effect; None on a side where its range ends or the data set none."""
 
     effect: str
     parameter: str
@@ -48,7 +49,7 @@ class Limit:
 
 
 def limits(search: EffectSearch, named: Fit) -> list[Limit]:
-    """Limits of all effects that are not named, vanish at a value of one parameter, and show in these data."""
+    """Limits on each effect that is not named, vanishes at a neutral value of one parameter, and shows in the data."""
     found = [_limit(search, named, name, strength) for name, strength in search.strengths(named.effects)]
     return [limit for limit in found if limit is not None]
 
@@ -57,60 +58,60 @@ def _limit(search: EffectSearch, named: Fit, name: str, parameter: Parameter) ->
     model = search.model(search.extended(named.effects, [name])[0])
     problem, index = Problem(model, named.cells, named.nuisances), model.names.index(f"{name}.{parameter.name}")
     neutral, (low, high) = float(parameter.neutral or 0.0), parameter.search
-    values = {f"{name}.{one.name}": one.start for one in search.effects[name].parameters}
+    values = {f"{name}.{other.name}": other.start for other in search.effects[name].parameters}
     values |= {key: estimate.value for key, estimate in named.parameters.items()}
     theta = np.array([[values.get(key, 0.0) for key in model.names]])
     theta[0, index] = neutral
     start = problem.states(theta, named.state.ln_k, named.state.slope)
     jacobian = full_jacobian(problem, start)[0]
-    estimate, error = _to_first_order(jacobian, start.all_residuals[0], index)
+    estimate, error = _linear_estimate(jacobian, start.all_residuals[0], index)
     estimate += neutral
     if not error < high - low:
         return None
-    tried = np.unique(np.clip([neutral, *(estimate + error * np.array(TRIED))], low, high))
-    deviance = _profile(problem, start, jacobian, index, tried)
+    points = np.unique(np.clip([neutral, *(estimate + error * np.array(PROFILED_AT))], low, high))
+    deviance = _profile(problem, start, jacobian, index, points)
     one_sided = parameter.hard_low == neutral
     rise = ONE_SIDED if one_sided else TWO_SIDED
-    below = None if one_sided else _crossing(-tried[::-1], deviance[::-1], rise)
-    above = _crossing(tried, deviance, rise)
+    below = None if one_sided else _crossing(-points[::-1], deviance[::-1], rise)
+    above = _crossing(points, deviance, rise)
     ends = [end for end in (below and -below, above) if end is not None]
-    if not ends or max(abs(end - max(estimate, low)) for end in ends) < STEEPEST * error:
+    if not ends or max(abs(end - max(estimate, low)) for end in ends) < NEAREST * error:
         return None
     return Limit(name, parameter.name, parameter.unit, below and -below, above)
 
 
-def _to_first_order(jacobian: Array, residual: Array, index: int) -> tuple[float, float]:
-    """Estimate of a parameter, from where it is, and its standard error, everything else following."""
+def _linear_estimate(jacobian: Array, residual: Array, index: int) -> tuple[float, float]:
+    """Linearised estimate of a parameter, relative to its present value, and its standard error; all others free."""
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
     return float((covariance @ (jacobian.T @ residual))[index]), float(np.sqrt(covariance[index, index])) or np.inf
 
 
 def _profile(problem: Problem, start: States, jacobian: Array, index: int, values: Array) -> Array:
-    """Deviance ``(rows,)`` at values of one parameter, all others following to first order.
+    """Profile deviance ``(rows,)`` at values of one parameter, minimised over all others to first order.
 
-    Cells beside a switch keep the weight they have at the start: what a mixture costs is rugged, and no parabola.
+    Cells near a switch keep the weight they have at the start: the deviance of a mixture is rugged, not a parabola.
     """
     theta = np.repeat(start.theta, len(values), axis=0)
     theta[:, index] = values
     rows = np.zeros(len(values), dtype=np.int64)
-    moved = problem.states(theta, start.ln_k[rows], start.slope[rows], -start.shared[rows] * _sd(problem))
+    moved = problem.states(theta, start.ln_k[rows], start.slope[rows], -start.shared[rows] * _prior_sd(problem))
     shift = np.where(problem.measured, moved.predicted - start.predicted, 0.0)
     residual = np.repeat(start.all_residuals, len(values), axis=0)
     cells, readings = shift[0].size, moved.pressed.shape[1]
     residual[:, :cells] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
     residual[:, cells : cells + readings] = moved.pressed
-    left = project_out(residual.T, spanned(np.delete(jacobian, index, axis=1)))
-    return np.asarray(np.sum(left**2, axis=0))
+    remaining = project_out(residual.T, spanned(np.delete(jacobian, index, axis=1)))
+    return np.asarray(np.sum(remaining**2, axis=0))
 
 
-def _sd(problem: Problem) -> Array:
+def _prior_sd(problem: Problem) -> Array:
     return np.zeros(0) if problem.nuisances is None else problem.nuisances.sd
 
 
 def _crossing(values: Array, deviance: Array, rise: float) -> float | None:
-    """Where the deviance has risen so far above its least, going up; None if it does not.
+    """The value above the minimum at which the deviance has risen by ``rise``; None if it does not.
 
-    Between two values its square root is taken to be linear, as that of a parabola is.
+    Interpolated linearly in the square root of the deviance, as is exact for a parabola.
     """
     best = int(np.argmin(deviance))
     root = np.sqrt(np.maximum(deviance - deviance[best], 0.0))[best:]

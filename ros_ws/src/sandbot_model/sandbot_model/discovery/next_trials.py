@@ -1,4 +1,4 @@
-"""Which trials would tell the surviving sets apart (T-optimality: Atkinson & Fedorov 1975)."""
+"""Trials that would best discriminate between the surviving sets (T-optimality: Atkinson & Fedorov 1975)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ from sandbot_model.physics.observables import NAMES, usual_noise
 
 MAX_TRIALS = 6
 CONTENDERS = 6
-"""Sets among which trials are to decide."""
+"""The best sets, between which the trials are to decide."""
 READINGS = 2
-"""Penetrometer readings among them, if there are trials enough."""
+"""Most penetrometer readings among the proposed measurements."""
 LEAST_SD = 0.3
-"""Expected gap below which a measurement is not proposed: it would take hundreds."""
+"""Expected gap below which a measurement is not proposed: it would take hundreds of replicates."""
 FINER = 3
-"""Frequencies tried between neighbouring ones."""
+"""Frequencies tried between neighbouring measured ones."""
 PENETRATION = "penetration_force"
 """The force on a leg pressed into the ground: not a trial, but a measurement of what trials can't show."""
 DEPTHS = (0.01 / 0.046, 0.02 / 0.046, 0.03 / 0.046, 0.044 / 0.046)
-"""Depths at which it is proposed, over the deepest that legs reach: 1 to 4.4 of SandBot's 4.6 cm."""
+"""Depths of proposed readings, relative to the greatest that the legs reach: 1 to 4.4 of SandBot's 4.6 cm."""
 SETTLED_SD = 5.0
-"""Gap in standard errors at which a pair of sets counts as told apart."""
+"""Gap in standard errors at which a pair of sets counts as separated."""
 LEAST_REPLICATES = 2
-"""How often one is made at least: its scatter must show."""
+"""Fewest replicates proposed, so that their scatter can be seen."""
 
 
 Condition = tuple[bool, float, float]
@@ -41,8 +41,8 @@ Condition = tuple[bool, float, float]
 class NextTrial:
     """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
 
-    ``observable`` is the name of an ``Observable``, of a trial at ``omega_rad_s`` in a ``gait`` (empty where the trials
-    tell none), or ``PENETRATION``, at ``depth_m``.
+    ``observable`` is the name of an ``Observable``, for a trial at ``omega_rad_s`` in a ``gait`` (empty if that is not
+    known by name), or ``PENETRATION``, for a reading at ``depth_m``.
     """
 
     phi: float
@@ -56,7 +56,7 @@ class NextTrial:
 
     @property
     def condition(self) -> Condition:
-        """What has to be set up for it."""
+        """The condition to set up."""
         pressed = self.observable == PENETRATION
         return pressed, self.phi, self.depth_m if pressed else self.omega_rad_s
 
@@ -69,27 +69,26 @@ class NextTrial:
 
 
 def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
-    """The most informative measurements, best first, no two at the same condition; empty where none within reach
-    separates the sets.
+    """The most informative measurements, best first, no two at the same condition; empty if none separates the sets.
 
-    Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
-    beyond ``SETTLED_SD`` counts no more, so a pair that is easily separated does not take all of them.
+    They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
+    ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them.
     """
     pairs = [between(first, second) for first, second in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
-    while len(chosen) < MAX_TRIALS and (best := _most_telling(gaps, separated, chosen)) is not None:
+    while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen)) is not None:
         chosen.append(best)
         separated += [_weight(gap.get(best.condition)) for gap in gaps]
     return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
 
 
-def _most_telling(
+def _most_informative(
     gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial]
 ) -> NextTrial | None:
-    """The measurement that adds most to ``separated (pairs,)``, or None. It is shown for the pair that gains most; one
-    that tells apart only what the others do already is worth two trials, no more."""
+    """The measurement that adds most to ``separated (pairs,)``, or None. It is reported for the pair that gains most;
+    if all its pairs are separated already, it is proposed only where ``LEAST_REPLICATES`` are enough."""
     taken = {trial.condition for trial in chosen}
     readings = sum(trial.observable == PENETRATION for trial in chosen)
     conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
@@ -99,7 +98,7 @@ def _most_telling(
             continue
         after = np.array([_weight(gap.get(key)) for gap in gaps]) + separated
         gain = np.minimum(after, SETTLED_SD**2) - np.minimum(separated, SETTLED_SD**2)
-        # Once all are told apart, the widest gap still counts for a little: more of it is more certain.
+        # Once all pairs are separated, a wider gap still counts a little: it makes the separation more certain.
         score = gain + 1e-3 * np.minimum(after - separated, SETTLED_SD**2)
         shown = gaps[int(np.argmax(score))].get(key, trial)
         if score.sum() > most and (gain.any() or shown.replicates == LEAST_REPLICATES):
@@ -108,29 +107,29 @@ def _most_telling(
 
 
 def _weight(trial: NextTrial | None) -> float:
-    """χ² that so few replicates of it are expected to bring."""
+    """Expected χ² of ``LEAST_REPLICATES`` replicates."""
     return 0.0 if trial is None else LEAST_REPLICATES * trial.expected_gap_sd**2
 
 
-def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
-    """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
+def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
+    """Measurements in which effects that are ``unseen`` but not excluded would show: the best for each, then more."""
     predicted = Predicted.by(base)
     each = [between(predicted, Predicted.by(other)) for other in unseen]
     best: list[NextTrial] = []
     for trials in sorted(each, key=lambda trials: -trials[0].expected_gap_sd if trials else 0.0):
-        # Two effects may show best at one place: each has one of its own.
-        best += _distinct([trial for trial in trials if trial.condition not in {one.condition for one in best}])[:1]
+        # Two effects may show best in the same condition: each still gets one of its own.
+        best += _distinct([trial for trial in trials if trial.condition not in {other.condition for other in best}])[:1]
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
     return [*best, *(trial for trial in more if trial not in best)][:MAX_TRIALS]
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What a fit says of every measurement that could be made: levels φ × frequencies ω, and levels × depths."""
+    """A fit's predictions of all candidate measurements: trials at levels φ × frequencies ω, readings at φ × depths."""
 
     name: str
     gait: str
-    """That of most trials, and of these; see ``told``."""
+    """The gait of most trials, in which the candidates are run, too; see ``known_gait``."""
     phi: Array
     omega: Array
     noise: Array
@@ -138,7 +137,7 @@ class Predicted:
     trials: Array
     """Observables ``(φ, ω, 4)``."""
     variance: Array
-    """Of those, from not knowing the parameters and from the bed missing φ, ``(φ, ω, 4)``."""
+    """Variance of ``trials`` from the uncertainty of the parameters and the scatter of φ, ``(φ, ω, 4)``."""
     depth_m: Array
     force: Array
     """Force of the penetrometer ``(φ, depths)``."""
@@ -146,7 +145,7 @@ class Predicted:
 
     @classmethod
     def by(cls, fit: Fit) -> "Predicted":
-        """Of one fit, at frequencies finer than those measured."""
+        """The predictions of one fit, at frequencies spaced more finely than those measured."""
         cells = fit.cells
         phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
         sides = [fit.predict(phi + sign * cells.phi_scatter, omega).observables for sign in (-1.0, 1.0)]
@@ -154,7 +153,7 @@ class Predicted:
         force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
         return cls(
             name=" + ".join(fit.effects) or "base",
-            gait=told(fit.gait),
+            gait=known_gait(fit.gait),
             phi=cells.level_phi,
             omega=omega[0],
             noise=np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy)),
@@ -166,8 +165,8 @@ class Predicted:
         )
 
 
-def told(gait: str) -> str:
-    """A gait by its name; empty where that does not tell the clock signal."""
+def known_gait(gait: str) -> str:
+    """The name of a gait; empty where its clock signal is not known by name."""
     return gait if clock_signal(gait) else ""
 
 
@@ -177,7 +176,7 @@ def depths_m(robot: Robot) -> Array:
 
 
 def between(first: Predicted, second: Predicted) -> list[NextTrial]:
-    """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
+    """Measurements in which two fits differ, the widest gap first, including conditions not measured yet."""
     found = [*_trials_between(first, second), *_readings_between(first, second)]
     return sorted(found, key=lambda trial: -trial.expected_gap_sd)
 
@@ -191,7 +190,7 @@ def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
 
 
 def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
-    """One trial a condition, by the observable that separates them most."""
+    """One trial per condition, in the observable that separates the two most."""
     gap = np.abs(first.trials - second.trials) / np.sqrt(first.noise**2 + first.variance + second.variance)
     best, names = gap.argmax(axis=-1), (first.name, second.name)
     found = []
@@ -203,7 +202,7 @@ def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
 
 
 def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
-    """One reading a level, at the depth that separates them most."""
+    """One reading per level, at the depth that separates the two most."""
     sd = np.sqrt((USUAL_SD * first.force) ** 2 + first.force_sd**2 + second.force_sd**2)
     gap = np.abs(first.force - second.force) / sd
     best, names = gap.argmax(axis=1), (first.name, second.name)

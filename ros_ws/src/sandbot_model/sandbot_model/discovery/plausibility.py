@@ -1,10 +1,11 @@
-"""Whether the robot of robot.yaml can be the one that walked, judged by what no ground and no effect could change.
+"""Whether the robot that walked can be that of robot.yaml, judged by kinematic limits that hold on any ground.
 
 A leg of radius R at rate θ̇ moves its axle at Rθ̇ at most, carries it 2R at most in a step and lifts it 2R - h at most.
-And where nothing else is at work, lift with speed and peak speed each tell R by themselves: if they agree on another
-one, that is the robot's. Nothing is fitted; effects that lose way (slip, overlap, drag) move the two apart, or leave
-one where it is. What pushes the robot along (a steeper slope than the catalogue's) may carry it further and faster than
-its legs, by one and the same factor: where peak, step and lift agree on that, the robot is not doubted.
+In the absence of effects, lift and speed together give one estimate of R and the peak speed gives another: if the two
+agree on a value other than robot.yaml's, robot.yaml is doubted. Nothing is fitted; effects that shorten a step (slip,
+overlap, drag) make the estimates disagree or leave one of them unchanged. A forward push (a slope steeper than the
+catalogue's) may carry the robot further and faster than its legs do, by one common factor: where peak, step and lift
+agree with such a factor, robot.yaml is not doubted.
 """
 
 from collections.abc import Iterator
@@ -20,29 +21,29 @@ from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import CM, Observable
 
 TOO_FAR = 1.25
-"""What must not pass 1 is doubtful from here on: 2° downhill, the most of the catalogue, gains 18 %."""
+"""Ratio to a kinematic limit beyond which robot.yaml is doubted: 2° downhill, the catalogue's most, gains 18 %."""
 FEWEST = 3
 """Walking cells needed for a median to mean anything."""
-TOSSED = 0.25
-"""Scatter of lift, as a share of it, from which some replicates may have swum."""
+MIXED_REGIMES = 0.25
+"""Relative scatter of the lift beyond which some replicates may have swum."""
 POPPY_SEEDS = ((0.580, 0.622), (300e3, 480e3))
 """φ and α = k/(wR) [N/m³] that a plate meets there (Li09)."""
 FAR_FROM_POPPY = 2.5
-PUSHED = 0.03
-"""How near [share] R must come, of steps freed of a push, for the push to be believed."""
-ANOTHER, ALIKE = 0.12, 0.04
-"""Relative distance of two radii from which they are another's, and up to which they are the same."""
+PUSH_TOLERANCE = 0.03
+"""Relative error of R from steps corrected for a push up to which the push is believed."""
+DIFFERENT, EQUAL = 0.12, 0.04
+"""Relative difference beyond which two radii count as different, and up to which they count as equal."""
 
 
 def doubts(cells: Cells) -> tuple[str, ...]:
-    """What speaks against the robot, one clause each; empty where it is plausible."""
+    """Reasons to doubt robot.yaml, one clause each; empty where it is plausible."""
     return tuple(_doubts(cells))
 
 
-def strange_k(fit: Fit) -> str:
-    """What k says against the robot where it is far from the grains' own at that φ; empty where it is not.
+def implausible_k(fit: Fit) -> str:
+    """A remark on robot.yaml where k is far from that of poppy seeds at the same φ; empty where it is not.
 
-    Only said, not held against a verdict: k goes with the mass (kd = mg), and other grains are not poppy seeds.
+    It does not affect the verdict: k is proportional to the mass assumed (kd = mg), and grains differ.
     """
     robot = fit.cells.robot
     alpha = fit.k_n_per_m / (robot.leg_width_m * robot.leg_radius_m)
@@ -57,7 +58,7 @@ def strange_k(fit: Fit) -> str:
 
 def _doubts(cells: Cells) -> Iterator[str]:
     robot = cells.robot
-    mean = np.where(_walk(cells)[:, None], cells.mean, np.nan)
+    mean = np.where(_all_walk(cells)[:, None], cells.mean, np.nan)
     top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
     step = np.pi * mean[:, Observable.speed] / cells.omega
     pushed = _pushed(cells, mean, step)
@@ -78,42 +79,42 @@ def _doubts(cells: Cells) -> Iterator[str]:
         if (usual := _median(ratio)) > TOO_FAR and not (with_a_push and pushed):
             yield what.format(usual, R=CM * robot.leg_radius_m)
     by_peak, by_lift = (_median(radius) for radius in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
-    apart = abs(by_peak - by_lift) / robot.leg_radius_m
-    if apart < ALIKE and min(abs(radius / robot.leg_radius_m - 1) for radius in (by_peak, by_lift)) > ANOTHER:
+    difference = abs(by_peak - by_lift) / robot.leg_radius_m
+    if difference < EQUAL and min(abs(radius / robot.leg_radius_m - 1) for radius in (by_peak, by_lift)) > DIFFERENT:
         yield (
             f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
             f"not on {CM * robot.leg_radius_m:.3g} cm"
         )
 
 
-def _walk(cells: Cells) -> Bool:
-    """Cells ``(n,)`` in which every trial walked: between walking and swimming, peak and lift have the same mean of
-    two values, and would agree on a smaller radius.
+def _all_walk(cells: Cells) -> Bool:
+    """Cells ``(n,)`` in which every trial walked: if some swam, peak and lift are averaged over both regimes alike and
+    would agree on a smaller radius.
     """
     sure = walks(cells.mean, SURE_LIFT_M)
-    return np.asarray(sure & ~(cells.sd[:, Observable.lift] > TOSSED * cells.mean[:, Observable.lift]))
+    return np.asarray(sure & ~(cells.sd[:, Observable.lift] > MIXED_REGIMES * cells.mean[:, Observable.lift]))
 
 
 def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
-    """Whether peaks and steps have one push forward beyond the legs: without it, lift tells the robot's own R."""
+    """Whether peaks and steps exceed what legs do by one factor: corrected for it, lift gives robot.yaml's R."""
     radius = cells.robot.leg_radius_m
     push = _radius_by_peak(cells, mean) / radius
-    return abs(_median(_radius_by_lift(mean, step / push)) / radius - 1) < PUSHED
+    return abs(_median(_radius_by_lift(mean, step / push)) / radius - 1) < PUSH_TOLERANCE
 
 
 def _radius_by_peak(cells: Cells, mean: Floats) -> Array:
-    """R = v_peak/(βω): all legs on the ground turn at the slow phase's rate. NaN for gaits of uneven pace."""
+    """R = v_peak/(βω): all legs on the ground turn at the slow phase's rate. NaN for gaits with two rates."""
     even = cells.clock.slow_ratio == 1.0
     return np.where(even, mean[:, Observable.peak_speed] / cells.omega, np.nan)
 
 
 def _radius_by_lift(mean: Floats, step: Array) -> Array:
-    """The R of s = 2√(Δz(2R - Δz))."""
+    """R from s = 2√(Δz(2R - Δz))."""
     lift = mean[:, Observable.lift]
     return lift / 2 + step**2 / (8 * lift)
 
 
 def _median(values: Array) -> float:
-    """NaN, which is beyond nothing, where too few cells tell."""
+    """NaN, which passes no threshold, where fewer than ``FEWEST`` values are finite."""
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if len(finite) >= FEWEST else float("nan")

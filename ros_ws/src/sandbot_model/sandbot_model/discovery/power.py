@@ -1,8 +1,8 @@
-"""How strong an effect must be to show in a design: before a campaign, or beside a verdict.
+"""How strong an effect must be for a design to detect it, before a campaign or along with a verdict.
 
-To first order about a fit an effect of strength p moves the cell means, and a penetrometer's readings, by Δy(p); what
-the fit's own parameters and the nuisances can't absorb gains λ = |P Δy/σ|² in deviance, with a scatter of 2√λ. It is
-claimed with probability Φ(z) where √λ = √claim + z.
+To first order about a fit an effect of strength p moves the cell means, and a penetrometer's readings, by Δy(p); the
+part that the fit's own parameters and the nuisances can't absorb gains λ = |P Δy/σ|² in deviance, with a standard
+deviation of 2√λ. It is claimed with probability Φ(z) where √λ = √claim + z.
 """
 
 from dataclasses import dataclass, replace
@@ -30,15 +30,15 @@ from sandbot_model.physics.predictor import PredictorParameters
 from sandbot_model.physics.walking import KCurve
 from sandbot_record.trials.table import Trials
 
-OFTEN, Z = 0.9, 1.2816
-"""Share of campaigns in which an effect is to be found, and the normal quantile of it."""
+POWER, Z = 0.9, 1.2816
+"""Share of campaigns in which an effect is to be detected, and its normal quantile."""
 STRENGTHS = 60
 """Values tried between the neutral one and the end of the plausible range."""
 
 
 @dataclass(frozen=True)
 class Detectable:
-    """The weakest strength of an effect found in nine campaigns of ten; None: none in its plausible range."""
+    """The weakest strength of an effect detected in nine campaigns of ten; None if none in its plausible range is."""
 
     effect: str
     parameter: str
@@ -51,7 +51,7 @@ class Detectable:
 
 
 def detectable(search: EffectSearch, base: Fit) -> list[Detectable]:
-    """Of every effect on top of a fit that vanishes at a value of one parameter."""
+    """For every effect that can be added to a fit and vanishes at a neutral value of one parameter."""
     return [
         Detectable(name, strength.name, strength.unit, _weakest(search, base, name, strength))
         for name, strength in search.strengths(base.effects)
@@ -60,9 +60,9 @@ def detectable(search: EffectSearch, base: Fit) -> list[Detectable]:
 
 def in_words(found: list[Detectable]) -> str:
     """One sentence for a reader."""
-    shown = ", ".join(str(one) for one in found if one.value is not None)
-    hidden = ", ".join(str(one) for one in found if one.value is None)
-    parts = [f"would show in {OFTEN:.0%} of such campaigns from this strength on: {shown}"] * bool(shown)
+    shown = ", ".join(str(effect) for effect in found if effect.value is not None)
+    hidden = ", ".join(str(effect) for effect in found if effect.value is None)
+    parts = [f"would show in {POWER:.0%} of such campaigns from this strength on: {shown}"] * bool(shown)
     parts += [f"at no usual strength: {hidden}"] * bool(hidden)
     return "; ".join(parts)
 
@@ -79,7 +79,7 @@ def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
     values = np.broadcast_to(model.walker.predict(inputs, params).observables, (len(design), len(Observable)))
     noise = np.random.default_rng(0).standard_normal(values.shape)
     values = values + usual_noise(design.accuracy or USUAL) * noise
-    columns: dict[str, Any] = {one.column: values[:, one] for one in Observable}
+    columns: dict[str, Any] = {observable.column: values[:, observable] for observable in Observable}
     plain = fit(model, cells_of(replace(design, **columns)))
     return fitted_at(model, plain.cells, plain.point, nuisances_for(plain, criteria))
 
@@ -88,20 +88,19 @@ def _weakest(search: EffectSearch, base: Fit, name: str, parameter: Parameter) -
     model = search.model(search.extended(base.effects, [name])[0])
     problem = Problem(model, base.cells, base.nuisances)
     index, neutral = model.names.index(f"{name}.{parameter.name}"), float(parameter.neutral or 0.0)
-    least = np.sqrt(claim_threshold(base, search.criteria)) + Z
+    needed = np.sqrt(claim_threshold(base, search.criteria)) + Z
     ends = [end for end in (parameter.high, parameter.low) if end != neutral]
-    tried = [np.linspace(neutral, end, STRENGTHS + 1) for end in ends]
     shown = []
-    for strengths in tried:
-        # From there on: a gap may close again where an effect turns walking into swimming and back.
-        hidden = int(np.flatnonzero(_gap(problem, base, index, strengths) < least)[-1])
+    for strengths in (np.linspace(neutral, end, STRENGTHS + 1) for end in ends):
+        # The last strength that is not detected: a gap may close again where an effect makes cells swim, or walk.
+        hidden = int(np.flatnonzero(_gap(problem, base, index, strengths) < needed)[-1])
         shown += [float(strengths[hidden + 1])] if hidden < STRENGTHS else []
     return min(shown, key=lambda value: abs(value - neutral), default=None)
 
 
 def _gap(problem: Problem, base: Fit, index: int, strengths: Array) -> Array:
-    """√λ of every strength of one parameter, the first of which is the neutral one."""
-    values = {f"{one.identifier}.{p.name}": p.start for one in problem.model.effects for p in one.parameters}
+    """√λ at every strength of one parameter, the first of which is the neutral one."""
+    values = {f"{effect.identifier}.{p.name}": p.start for effect in problem.model.effects for p in effect.parameters}
     values |= {name: estimate.value for name, estimate in base.parameters.items()}
     theta = np.tile([values.get(name, 0.0) for name in problem.model.names], (len(strengths), 1))
     theta[:, index] = strengths

@@ -1,4 +1,4 @@
-"""The numbers of a selection, from the beginning: what the explorer saves and ``compare`` prints are both these."""
+"""Fits a selection from scratch: the explorer saves and ``compare`` prints the same numbers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,9 +15,9 @@ from sandbot_model.physics.model import model_of
 
 
 def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) -> Comparison:
-    """The ladder of ``compare``; where values are held by hand one step more, with them and k(φ) as fitted.
+    """The ladder of ``compare``; where values are held by hand, one more step with them and all else as last fitted.
 
-    Raises InputError for an effect or a parameter that is not known.
+    Raises InputError for an unknown effect or parameter.
     """
     steps = compare(cells, effects, selection.effects, base=selection.model)
     if not selection.by_hand:
@@ -29,10 +29,10 @@ def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) 
 
 
 def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
-    """Where a fit lies, with some shared parameters put elsewhere. Raises InputError for one it does not have."""
+    """The point of a fit, with some shared parameters set by hand. Raises InputError for one it does not have."""
     values = {name: estimate.value for name, estimate in found.parameters.items()}
     for name, value in (by_hand or {}).items():
-        found.model.parameter(name)  # refused where the model has none of that name
+        found.model.parameter(name)  # raises if there is no such parameter
         values[name] = value
     theta = np.array([values[name] for name in found.model.names])
     return replace(found.point, theta=theta)

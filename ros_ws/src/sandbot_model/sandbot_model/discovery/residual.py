@@ -1,8 +1,8 @@
-"""Nothing in the catalogue fits: what the model misses, in the field's terms, as a formula to try.
+"""A formula for what the model misses where nothing in the catalogue fits, in the field's dimensionless groups.
 
-Each term of a short library on each lever of the chain (``terms``) is judged by a score test. The most promising are
-fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number reported
-is that of a fit to all observables, and the formula is the very effect that was fitted.
+Each term of a library (``terms``) on each lever of the chain is rated by a score test. The most promising are fitted to
+all observables and the best is kept; then a second term on the same lever, if it earns its price. So every number
+reported is that of a fit, and the formula is the effect that was fitted.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,37 +28,37 @@ from sandbot_model.physics.model import model_of
 NAME = "residual"
 """What the formula is called, or residual_2 and so on where the user has one of that name."""
 MOST_TERMS = 2
-SPAN = 0.5
-"""How far a fit may take what a term stands for; a score test far from the minimum predicts the sign at best."""
+LEAST_CHANGE = 0.5
+"""Change of a lever that each term's range allows at least: far from the minimum, a score test gives at best a sign."""
 SEARCHED_GLOBALLY = 4
-"""Levers whose best term gets a global search after a first look, and of the best lever all."""
+"""Levers whose best term is searched globally after the local fits; of the best lever, all terms are."""
 
 
 @dataclass(frozen=True)
 class SuggestedFormula:
-    """What is missing, ``sentence`` for a person and ``formula`` for ``--effect``, and what adding it does."""
+    """What is missing, as a ``sentence`` for a reader and a ``formula`` for ``--effect``, and what adding it does."""
 
     sentence: str
     formula: str
     effects: tuple[str, ...]
-    """Of the catalogue, on top of which the formula was fitted."""
+    """Effects of the catalogue on top of which the formula was fitted."""
     stage: str
     terms: tuple[tuple[str, float], ...]
     """In words, with their coefficients."""
     deviance: tuple[float, float]
-    """Without the formula and with it, both beside what the sentence says is granted."""
+    """Without the formula and with it, both with the nuisances that the sentence mentions."""
     cv_rmse_m_s: tuple[float, float]
-    """The same of the mean speed's error out of sample."""
+    """The mean speed's error out of sample, without and with the formula."""
     lack_of_fit_p: float
-    """With the formula: whether the replicates leave anything to explain."""
+    """With the formula."""
     leaves_nothing: bool
-    """Whether that is so, jointly and in each observable."""
+    """Whether the formula leaves no lack of fit, jointly and in each observable."""
     bic: float
     """With the formula, its thresholds counted as parameters."""
 
     @property
     def name(self) -> str:
-        """Of the formula as an effect."""
+        """The formula's name as an effect."""
         return self.formula.split(":")[0]
 
     @property
@@ -76,14 +76,14 @@ def suggest_formula(
     progress: Progress = lambda _stage, _done, _total: None,
     hopeless: float = np.inf,
 ) -> SuggestedFormula | None:
-    """The formula that repairs most of what this fit misses; None if no term of the library gains enough, or if none
-    that stands for itself comes near a deviance above which all is ``hopeless``."""
+    """The formula that gains most on top of this fit; None if no term of the library gains enough, or if local fits of
+    single terms all stay far above the deviance ``hopeless``."""
     library, name = terms(fit), unused_name(NAME, effects)
-    best: _Tried | None = None
-    rival: _Tried | None = None
+    best: _FittedGuess | None = None
+    rival: _FittedGuess | None = None
     for number in range(1, MOST_TERMS + 1):
         found, so_far = (fit, None) if best is None else (best.fit, best.guess)
-        tried = _tried(
+        tried = _fit_guesses(
             fit,
             guesses(found, name, library, so_far, criteria.term),
             effects,
@@ -100,7 +100,7 @@ def suggest_formula(
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
+class _FittedGuess:
     """A guess with the coefficients of its fit."""
 
     guess: Guess
@@ -117,23 +117,23 @@ class _Tried:
         return _score(self.fit, self.guess)
 
 
-def _tried(
+def _fit_guesses(
     fit: Fit,
     promising: Sequence[Guess],
     effects: Mapping[str, Effect],
     fit_all: Map,
     progress: Callable[[int, int], None],
     hopeless: float = np.inf,
-) -> list[_Tried]:
-    """All guesses fitted near this fit, the best of each lever once more anywhere; best first. None where all of them
-    stay far above a deviance that is ``hopeless``."""
+) -> list[_FittedGuess]:
+    """All guesses fitted locally, and the best of the leading levers globally, too; best first. Empty if all local fits
+    stay far above the deviance ``hopeless``."""
 
-    def fitted(some: Sequence[Guess], *, nearby: bool) -> list[_Tried]:
+    def fitted(some: Sequence[Guess], *, nearby: bool) -> list[_FittedGuess]:
         models = [
             model_of(
                 fit.model.base,
                 (*fit.effects, guess.name),
-                {**effects, guess.name: formula_effect(guess.formula(SPAN))},
+                {**effects, guess.name: formula_effect(guess.formula(LEAST_CHANGE))},
                 fit.model.robot,
             )
             for guess in some
@@ -148,7 +148,7 @@ def _tried(
         for guess, model, point in zip(some, models, points, strict=True):
             end = fitted_at(model, fit.cells, point, fit.nuisances)
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
-            found.append(_Tried(replace(guess, coefficients=values), end))
+            found.append(_FittedGuess(replace(guess, coefficients=values), end))
             progress(len(found), len(some))
         determined = [attempt for attempt in found if all(np.isfinite(attempt.errors))]
         return sorted(determined, key=lambda attempt: attempt.score)
@@ -163,18 +163,18 @@ def _tried(
 
 
 def _score(fit: Fit, guess: Guess | None) -> float:
-    """Deviance, and what each number taken from the data must bring."""
+    """Deviance plus the price of each number chosen from the data."""
     return fit.deviance + (guess.price if guess else 0.0)
 
 
-def _granted(found: Fit) -> str:
-    """What the fit takes for granted, as the end of a sentence."""
+def _allowances(found: Fit) -> str:
+    """The nuisances of the fit, as the end of a sentence."""
     differ = found.nuisances is not None and batch_sd_of(found)
     words = [*(["batches that differ as the priors say"] if differ else []), *significant(found)]
     return f", granted {' and '.join(words)}" if words else ""
 
 
-def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria) -> SuggestedFormula:
+def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criteria: Criteria) -> SuggestedFormula:
     found, guess = best.fit, best.guess
     parts = [
         term.words.format(f"({value:+.3g} ± {error:.2g})")
@@ -189,7 +189,7 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
         f"{scored}and replicates {left} "
-        f"(p = {found.lack_of_fit_p:.2g}){_granted(found)}"
+        f"(p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
         sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"

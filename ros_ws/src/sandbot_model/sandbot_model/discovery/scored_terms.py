@@ -1,6 +1,6 @@
-"""How far would the deviance fall if a term were added to a lever? A score test (Rao 1948) of a whole library.
+"""Score tests (Rao 1948) of a library of terms: how far would the deviance fall if a term were added to a lever?
 
-To first order, and with all parameters of the fit adjusted: no term is fitted here.
+To first order, and with all parameters of the fit readjusted; no term is fitted here.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,16 +18,16 @@ from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 
 PER_LEVER = 4
-"""Terms of one lever that are fitted."""
+"""Most terms of one lever that are fitted."""
 LEAST_GAIN = 0.2
-"""Share of the largest gain predicted below which a term is not fitted."""
-SAME = 0.98
-"""Correlation from which two terms say the same."""
+"""Share of the largest predicted gain below which a term is not fitted."""
+COLLINEAR = 0.98
+"""Correlation from which two terms count as the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Terms on a lever, with coefficients to start from, and the gain expected of it."""
+    """Terms on a lever, with start values of their coefficients and the gain predicted for the last of them."""
 
     name: str
     lever: Lever
@@ -39,8 +39,8 @@ class Guess:
     """See ``Criteria.term``."""
 
     def formula(self, least_change: float = 0.0) -> str:
-        """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
-        for changes by ``least_change``.
+        """The effect as text. Each coefficient c may range from -c to 3c, and at least so far that its term changes the
+        lever by ``least_change``.
         """
         body = " + ".join(term.times(f"c{i}") for i, term in enumerate(self.terms))
         ranges = ""
@@ -51,7 +51,7 @@ class Guess:
 
     @property
     def price(self) -> float:
-        """Gain in deviance that all numbers taken from the data, coefficients and thresholds, must bring."""
+        """Gain in deviance required of all numbers chosen from the data: coefficients and thresholds."""
         return self.per_number * (len(self.terms) + sum(term.switches for term in self.terms))
 
 
@@ -63,7 +63,7 @@ def unused_name(name: str, names: Iterable[str]) -> str:
 
 
 def guesses(found: Fit, name: str, library: Sequence[Term], so_far: Guess | None, per_number: float) -> list[Guess]:
-    """What to fit next: the best few terms of every lever, or of the one there is."""
+    """What to fit next: the best few terms of every lever, or one more on the lever of ``so_far``."""
     basis = tangent_basis(found.problem, found.state)
     residual = project_out(found.state.all_residuals[0], basis)
     promising = []
@@ -86,7 +86,7 @@ def _guess(
     so_far: Guess | None,
     per_number: float,
 ) -> Guess | None:
-    """One more term on a lever; None where the data say too little of it."""
+    """One more term on a lever; None where the data hardly constrain it."""
     column = np.zeros(len(residual))
     column[: slopes.size] = (slopes * term.values[:, None]).ravel()
     direction = project_out(column, basis)
@@ -107,11 +107,13 @@ def _guess(
 
 
 def _distinct(tried: Sequence[Guess], per_number: float) -> list[Guess]:
-    """The most promising that do not all say the same."""
-    # The plainest is always tried: what is the same everywhere moves the fit most, and is predicted worst.
+    """The most promising guesses, no two of them nearly collinear."""
+    # The constant term is always tried: it moves the fit most, so its gain is predicted worst.
     chosen = [guess for guess in tried if guess.gain > per_number and guess.terms[-1].expression == "1"]
     for guess in sorted(tried, key=lambda guess: guess.gain - guess.price, reverse=True):
-        if guess.gain > per_number and all(abs(float(guess.direction @ other.direction)) < SAME for other in chosen):
+        if guess.gain > per_number and all(
+            abs(float(guess.direction @ other.direction)) < COLLINEAR for other in chosen
+        ):
             chosen.append(guess)
         if len(chosen) >= PER_LEVER:
             break

@@ -1,14 +1,14 @@
-"""Whether the offsets of batches are random: a bed that scatters follows nothing, a model that is wrong does.
+"""Tests whether batch offsets are random, as those of a bed are, or structured, as those of a wrong model are.
 
-A missing effect that is granted to the bed, condition by condition, leaves offsets of ln k with a trend over φ, ω or
-the order, or from gait to gait, or smooth over φ and ω at some length. So do zeros and scales of batches.
+A missing effect that is absorbed by offsets of the bed, condition by condition, leaves offsets of ln k that have a
+trend over φ, ω or run order, differ between gaits, or are smooth over φ and ω. So do zeros and scales of batches.
 """
 
 import numpy as np
 
 from sandbot_model.discovery.batch_sd import BATCH, batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.smooth import gain_of_any, kernels
+from sandbot_model.discovery.smooth import best_gain, kernels
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import without_nuisances
 from sandbot_model.fitting.nuisances import (
@@ -22,30 +22,30 @@ from sandbot_model.fitting.nuisances import (
 from sandbot_model.physics.arrays import Array
 
 STRUCTURE = 0.005
-"""p-value of either test below which offsets follow something, and are no nuisance."""
-Offsets = tuple[Array, Array, Array, Array]
-"""See ``_offsets``."""
+"""p-value of either test below which offsets count as structured, and not as a nuisance."""
+LinearModel = tuple[Array, Array, Array, Array]
+"""See ``_linear_model``."""
 DRAWS = 1000
-"""Beds drawn that scatter at random: few batches look smooth more often than many."""
+"""Draws of random offsets: few batches look smooth by chance more often than many do."""
 
 
 def at_random(fit: Fit, criteria: Criteria) -> bool:
-    """Whether the batches' offsets follow nothing: neither a trend nor anything smooth."""
+    """Whether the batches' offsets look random: neither a trend nor smooth over φ and ω."""
     if fit.nuisances is None:
         return True
-    # Blocks that each hold all of φ and ω, in no order that is told, have no trend.
+    # NaN: blocks that each cover all of φ and ω, in an unknown order, can have no trend.
     found = [p(fit, criteria, name) for name in batch_sd_of(fit).names for p in (trend_p_of, smooth_p)]
     return not found or bool(np.nanmin(found) >= STRUCTURE)
 
 
 def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
-    """p-value of no trend over φ, ω (to second order), run order and gait of what each batch has of this name.
+    """p-value of a test for a trend of the batches' offsets ``name`` over φ, ω (to second order), run order and gait.
 
-    Averaged over how far batches may differ; NaN where there is no such trend.
+    Averaged over the posterior of their standard deviation; NaN where no such trend is possible.
     """
-    residual, unknowns, batches, others = seen = _offsets(fit, name)
+    residual, unknowns, batches, others = model = _linear_model(fit, name)
     trends, found = batches @ _trends(fit), 0.0
-    for size, share in zip(*_scatter(seen, priors(fit, criteria)[name]), strict=True):
+    for size, share in zip(*_scatter(model, priors(fit, criteria)[name]), strict=True):
         if share > LEAST_SHARE:
             every = np.column_stack([size * batches, others])
             found += share * trend_p(residual, unknowns, np.eye(len(residual)) + every @ every.T, trends)
@@ -53,63 +53,62 @@ def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
 
 
 def smooth_p(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
-    """p-value of offsets that are no smoother over φ and ω than those of a bed that scatters, drawn at each σ_b as
-    often as it is likely."""
-    residual, unknowns, batches, others = seen = _offsets(fit, name)
-    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(seen, priors(fit, criteria)[name])
+    """p-value of a test for offsets smoother over φ and ω than random ones, drawn with σ_b from its posterior."""
+    residual, unknowns, batches, others = model = _linear_model(fit, name)
+    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(model, priors(fit, criteria)[name])
     axes, scale, turned = np.linalg.svd(contrasts @ batches, full_matrices=False)
-    slope, draw = scale[:, None] * turned, np.random.default_rng(0)
+    slope, rng = scale[:, None] * turned, np.random.default_rng(0)
     count, every = slope.shape
-    offsets = draw.choice(sizes, (DRAWS, 1), p=share) * draw.standard_normal((DRAWS, every))
-    drawn = offsets @ slope.T + draw.standard_normal((DRAWS, count))
+    offsets = rng.choice(sizes, (DRAWS, 1), p=share) * rng.standard_normal((DRAWS, every))
+    drawn = offsets @ slope.T + rng.standard_normal((DRAWS, count))
     missed = np.concatenate([(axes.T @ (contrasts @ residual))[None], drawn])
-    gain = gain_of_any(missed, slope, kernels(_where(fit)[:, :2])) - gain_of_any(missed, slope, [np.eye(every)])
+    gain = best_gain(missed, slope, kernels(_positions(fit)[:, :2])) - best_gain(missed, slope, [np.eye(every)])
     return float(np.mean(gain >= gain[0]))
 
 
-def _scatter(offsets: Offsets, prior: float) -> tuple[Array, Array]:
-    """Standard deviations tried, and how likely each is about a fit."""
+def _scatter(model: LinearModel, prior: float) -> tuple[Array, Array]:
+    """Standard deviations of the offsets that are tried, and the posterior probability of each."""
     sizes = sizes_tried(prior)
-    return sizes, probability(gains_of_scatter(*offsets, sizes, prior))
+    return sizes, probability(gains_of_scatter(*model, sizes, prior))
 
 
-def _offsets(fit: Fit, name: str) -> Offsets:
-    """Whitened residuals without any nuisance, and their slopes by what was fitted, by what each batch has of this
-    name, and by the other nuisances in units of their priors."""
+def _linear_model(fit: Fit, name: str) -> LinearModel:
+    """Whitened residuals with all nuisances at zero, and their derivatives by the fitted unknowns, by the batches'
+    offsets ``name``, and by the other nuisances in units of their priors."""
     residual, unknowns, shift = without_nuisances(fit.problem, fit.state)
     assert fit.nuisances is not None
-    sd, batches = fit.nuisances.sd, np.array([own == name for own in fit.nuisances.names])
+    sd, batches = fit.nuisances.sd, np.array([other == name for other in fit.nuisances.names])
     return residual, unknowns, shift[:, batches], shift[:, ~batches] * sd[~batches]
 
 
-def _where(fit: Fit) -> Array:
-    """φ, ω and, where it is told, run order of each batch ``(batches, 2 or 3)``, standardised over cells."""
+def _positions(fit: Fit) -> Array:
+    """φ, ω and, where it is known, run order of each batch ``(batches, 2 or 3)``, standardised over cells."""
     cells = fit.cells
     at = np.stack([cells.phi, cells.omega, *([] if cells.order is None else [cells.order])], axis=1)
-    return _of_batches(fit, (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
+    return _batch_means(fit, (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
 
 
 def _trends(fit: Fit) -> Array:
-    """Smooth functions of where and when a batch was, and in which gait ``(batches, t)``."""
-    at, gaits = _where(fit), _gaits(fit)
+    """Regressors of a trend over φ, ω, run order and gait ``(batches, t)``."""
+    at, gaits = _positions(fit), _gaits(fit)
     phi, omega = at[:, 0], at[:, 1]
     trends = np.stack([*at.T, phi**2, omega**2, phi * omega, *gaits.T, *(omega * gaits.T)], axis=1)
     return np.asarray(trends - trends.mean(axis=0))
 
 
 def _gaits(fit: Fit) -> Array:
-    """Share of each batch that is of each gait but the first ``(batches, gaits - 1)``."""
+    """Share of each batch's trials in each gait but the first ``(batches, gaits - 1)``."""
     names = np.array(fit.cells.gait)
-    return _of_batches(fit, (names[:, None] == np.unique(names)[1:]).astype(float))
+    return _batch_means(fit, (names[:, None] == np.unique(names)[1:]).astype(float))
 
 
-def _of_batches(fit: Fit, of_cells: Array) -> Array:
-    """The mean over the trials of each batch ``(batches, n)`` of what cells ``(cells, n)`` have."""
+def _batch_means(fit: Fit, of_cells: Array) -> Array:
+    """Means over the trials of each batch ``(batches, n)`` of values of the cells ``(cells, n)``."""
     share = batch_share(fit)
     return np.asarray((share / share.sum(axis=0)).T @ of_cells)
 
 
 def batch_share(fit: Fit) -> Array:
-    """Share of each cell's trials in each batch; every cell is one of its own where no batches are given."""
+    """Share of each cell's trials in each batch; every cell is a batch where none are given."""
     given = fit.cells.batch_share
     return np.eye(len(fit.cells)) if given is None else given

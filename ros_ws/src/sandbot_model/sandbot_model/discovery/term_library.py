@@ -1,7 +1,7 @@
 """What a missing effect may look like: levers on the chain, and terms in the field's dimensionless groups.
 
-A lever is a quantity of one stage, in every step or in the first one only. A term is a group, or where one switches
-on. A lever with a term is a formula for ``--effect``.
+A lever is a quantity of one stage, in every step or in the first one only. A term is such a group or a threshold in it.
+A lever with a term is a formula for ``--effect``.
 """
 
 from collections.abc import Iterator
@@ -16,14 +16,14 @@ from sandbot_model.physics.geometry import chord, deepest_m
 BAND_RAD_S = 3.0
 """Half width of a band of leg frequencies, to 1/e."""
 SHARES = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Quantiles of the cells' depths and steps at which something may switch on."""
+"""Quantiles of the cells' depths and steps that serve as thresholds."""
 PHI_0 = 0.6
-"""Where φ is counted from: the middle of what poppy seeds do."""
+"""The φ from which deviations are counted: the middle of the range of poppy seeds."""
 
 
 @dataclass(frozen=True)
 class Lever:
-    """``formula`` has the term in place of ``{}``; ``first`` says that it moves in the first step only."""
+    """``{}`` in ``formula`` stands for the term; a lever that is ``first`` acts in the first step only."""
 
     stage: str
     words: str
@@ -47,9 +47,9 @@ class Term:
     expression: str
     values: Array
     switches: bool = False
-    """It has a threshold, chosen from the data as well."""
+    """Whether it has a threshold, which is chosen from the data as well."""
     needs_depth: bool = False
-    """It is unknown at the clock stage."""
+    """Whether it needs the depth, which is not known at the clock stage."""
 
     def times(self, coefficient: str) -> str:
         """The term in a formula."""
@@ -96,7 +96,7 @@ def terms(fit: Fit) -> list[Term]:
 
 
 def _of_omega(omega: Array, delta_t: float) -> Iterator[Term]:
-    """From each measured frequency up or down in proportion, jumps between two, bands about each."""
+    """Ramps up and down from each measured frequency, bands about each, steps between neighbouring ones."""
     levels = np.unique(omega.round(2))
     for w in levels:
         above, below = np.maximum(omega - w, 0.0), np.maximum(w - omega, 0.0)
@@ -110,7 +110,7 @@ def _of_omega(omega: Array, delta_t: float) -> Iterator[Term]:
 
 
 def _of_phi(phi: Array) -> Iterator[Term]:
-    """From each level up or down in proportion, jumps between two."""
+    """Ramps up and down from each level, steps between neighbouring ones."""
     levels = np.unique(phi.round(4))
     for c in levels:
         yield Term(f"{{}} (φ - {c:g}) above φ = {c:g}", f"maximum(phi - {c:g}, 0)", np.maximum(phi - c, 0.0), True)
@@ -120,7 +120,7 @@ def _of_phi(phi: Array) -> Iterator[Term]:
 
 
 def _of_depth(name: str, expression: str, values: Array) -> Iterator[Term]:
-    """Depth or step in radii: in proportion, in proportion beyond a value, jumping there."""
+    """Depth or step length in leg radii: linear, and a ramp and a step at each threshold."""
     yield Term(f"{{}} {name}", expression, values, needs_depth=True)
     for c in np.unique(np.quantile(values, SHARES).round(2)):
         rest, jump = np.maximum(values - c, 0.0), 1.0 * (values > c)

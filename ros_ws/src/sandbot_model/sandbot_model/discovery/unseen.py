@@ -1,4 +1,4 @@
-"""Effects that could be there at their usual strength and not show in these data."""
+"""Effects that may be present at their usual strength without showing in these data."""
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.verdict import earns_place
@@ -6,20 +6,20 @@ from sandbot_model.fitting.fit import Fit
 
 
 def unseen(search: EffectSearch, named: Fit) -> list[Fit]:
-    """The base model with each effect held at its usual strength, where data do not exclude it beside what the verdict
-    grants; fitted without that, as what trials would show is no reading's zero."""
+    """Fits of the base model with each effect that is not excluded, given the nuisances of ``named``, held at its usual
+    strength. They are without nuisances: a trial is to show the effect, not the zero of a reading."""
     criteria = search.criteria
     names = [
         name for name in search.names if (name,) in search.fits and not earns_place(search.fits, (name,), (), criteria)
     ]
-    held = [search.model((name,), _usual(search, name)) for name in names]
-    beside = search.near(held, named)
-    hidden = [at for at, fit in enumerate(beside) if fit.deviance < named.deviance + criteria.not_excluded]
+    models = [search.model((name,), _usual_values(search, name)) for name in names]
+    fits = search.near(models, named)
+    hidden = [at for at, fit in enumerate(fits) if fit.deviance < named.deviance + criteria.not_excluded]
     return (
-        search.near([held[at] for at in hidden], search.fits[()]) if named.nuisances else [beside[at] for at in hidden]
+        search.near([models[at] for at in hidden], search.fits[()]) if named.nuisances else [fits[at] for at in hidden]
     )
 
 
-def _usual(search: EffectSearch, name: str) -> dict[str, float]:
-    """Where one effect's parameters usually are."""
+def _usual_values(search: EffectSearch, name: str) -> dict[str, float]:
+    """The parameters of an effect at its usual strength."""
     return {f"{name}.{parameter.name}": parameter.start for parameter in search.effects[name].parameters}

@@ -5,7 +5,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.next_trials import NextTrial, told
+from sandbot_model.discovery.next_trials import NextTrial, known_gait
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.text import counted
 
@@ -14,9 +14,9 @@ CONDITIONS, MORE = 6, 2
 
 
 def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
-    """The verdict where a gross miss would pass; None where the data can refuse a model."""
+    """The verdict ``untested`` if a gross lack of fit would pass the test; None if the data can refuse a model."""
     known = int(cells.pure_error_dof.max())
-    if known and (passing := unnoticed(known, criteria)) <= criteria.gross:
+    if known and (passing := undetected_miss(known, criteria)) <= criteria.gross:
         return None
     what = (
         f"{'replicates' if (cells.n > 1).any() else 'error bars'} give {counted(known, 'degree')} of freedom of pure "
@@ -32,11 +32,11 @@ def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
 def _no_replicates(cells: Cells) -> str:
     if (cells.n > 1).any():
         return "replicates agree to the last digit, as copies do or a computation without noise"
-    return f"no cell has replicates and {_bars(cells)}"
+    return f"no cell has replicates and {_no_error_bars(cells)}"
 
 
-def _bars(cells: Cells) -> str:
-    """Why error bars do not tell pure error either."""
+def _no_error_bars(cells: Cells) -> str:
+    """Why error bars do not give pure error either."""
     if not cells.bars_of_trials:
         return "no error bars are given"
     return (
@@ -45,8 +45,8 @@ def _bars(cells: Cells) -> str:
     )
 
 
-def unnoticed(known: int, criteria: Criteria) -> float:
-    """Miss of every cell mean, in standard errors, that passes on so many degrees of freedom of pure error.
+def undetected_miss(known: int, criteria: Criteria) -> float:
+    """Miss of every cell mean, in standard errors, that just passes with ``known`` degrees of freedom of pure error.
 
     The lack-of-fit F test with many cells: F(p; ∞, ν) = ν/χ²(p; ν).
     """
@@ -54,10 +54,10 @@ def unnoticed(known: int, criteria: Criteria) -> float:
 
 
 def repeats(cells: Cells) -> list[NextTrial]:
-    """Conditions to repeat, spread over φ and ω as far as they go."""
-    spans = np.stack([cells.phi, cells.omega], axis=-1)
-    width = np.ptp(spans, axis=0)
-    places = (spans - spans.min(axis=0)) / np.where(width > 0, width, 1.0)
+    """Conditions to repeat, spread as widely as possible over φ and ω."""
+    at = np.stack([cells.phi, cells.omega], axis=-1)
+    width = np.ptp(at, axis=0)
+    places = (at - at.min(axis=0)) / np.where(width > 0, width, 1.0)
     chosen = [int(np.argmin(places.sum(axis=1)))]
     while len(chosen) < min(CONDITIONS, len(cells)):
         distance = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
@@ -71,7 +71,7 @@ def repeats(cells: Cells) -> list[NextTrial]:
             separates=("scatter of replicates", "a miss of the model"),
             expected_gap_sd=float("nan"),
             replicates=MORE,
-            gait=told(cells.gait[cell]),
+            gait=known_gait(cells.gait[cell]),
         )
         for cell in sorted(chosen)
     ]

@@ -14,7 +14,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import f_sf
-from sandbot_model.data.pure_error import freedom_known
+from sandbot_model.data.pure_error import effective_dof
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import FAIL_Z
@@ -80,7 +80,7 @@ def _test(stage: str, connects: str, cells: Cells, z: Array, *measures: Observab
     total = float(np.sum(z[measured] ** 2))
     missed = measured & (np.abs(np.nan_to_num(z)) > FAIL_Z)
     where = tuple((float(phi), float(omega)) for phi, omega in zip(cells.phi[missed], cells.omega[missed], strict=True))
-    count, freedom = int(measured.sum()), freedom_known(cells.pure_error_dof)[[*measures]].min()
+    count, freedom = int(measured.sum()), effective_dof(cells.pure_error_dof)[[*measures]].min()
     return StageTest(
         stage, connects, count, total, float(f_sf(total / count, count, freedom)) if count else float("nan"), where
     )

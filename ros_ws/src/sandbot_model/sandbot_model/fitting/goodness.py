@@ -8,7 +8,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
-from sandbot_model.data.pure_error import FEW_REPLICATES, freedom_known
+from sandbot_model.data.pure_error import FEW_REPLICATES, effective_dof
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
@@ -133,7 +133,7 @@ def excess_of_few_replicates(z: Array, cells: Cells) -> float:
     For each such observable: χ² minus the value that has the same p with the pure-error degrees of freedom of the
     observable known best.
     """
-    freedom = freedom_known(cells.pure_error_dof)
+    freedom = effective_dof(cells.pure_error_dof)
     found = 0.0
     for observable in np.flatnonzero(cells.pure_error_dof < FEW_REPLICATES):
         own = z[np.isfinite(z[:, observable]), observable]

@@ -1,4 +1,4 @@
-"""What ``compare`` and ``discover`` say first: the answer, the error before and after, and why."""
+"""What ``compare`` and ``discover`` print first: the answer, the error before and after, and why."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,8 +20,8 @@ _STYLES = {"adequate": "good", "identified": "good", "untested": "bad"}
 def of_discovery(found: Discovery) -> str:
     """Status and class, each effect in plain words, error before → after → floor, its parameters; then why."""
     verdict = found.verdict
-    of_a_class = f"ambiguous: one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
-    head = f"verdict: {of_a_class if verdict.status == 'ambiguous' else found.headline}"
+    ambiguous = f"ambiguous: one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
+    head = f"verdict: {ambiguous if verdict.status == 'ambiguous' else found.headline}"
     lines = [styled(filled(head), _STYLES.get(verdict.status, "open"))]
     named = verdict.effects if verdict.status != "ambiguous" else ()
     lines += [filled(line, "  ") for name in named for line in _in_words(name, found.fit)]
@@ -29,14 +29,14 @@ def of_discovery(found: Discovery) -> str:
         of_class = dict.fromkeys(name for names in verdict.alternatives for name in names)
         lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in of_class]
     lines.append(filled(errors(found.steps), "  "))
-    best = found.stability_in_words
-    lines += ["", filled(f"why: {verdict.because}{best and f'; {best}'}")]
-    alike = [fit for fit in found.fits if fit.effects in verdict.alternatives]
-    for fit in alike if verdict.status == "ambiguous" else [found.fit]:
-        lines += _repeated_by(fit)
+    stability = found.stability_in_words
+    lines += ["", filled(f"why: {verdict.because}{stability and f'; {stability}'}")]
+    alternatives = [fit for fit in found.fits if fit.effects in verdict.alternatives]
+    for fit in alternatives if verdict.status == "ambiguous" else [found.fit]:
+        lines += _command_for(fit)
     if found.residual is not None:
-        left = filled(f"what is left: {found.residual.sentence}")
-        lines += ["", left, f"try: compare DATA {found.residual.options}"]
+        remaining = filled(f"what is left: {found.residual.sentence}")
+        lines += ["", remaining, f"try: compare DATA {found.residual.options}"]
     if verdict.status == "ambiguous" and found.next_trials:
         first = found.next_trials[0]
         ask = f"ask: {counted(first.replicates, 'trial')} at {first.where}, and look at {first.observable}"
@@ -45,23 +45,23 @@ def of_discovery(found: Discovery) -> str:
 
 
 def of_comparison(steps: Sequence[Fit]) -> str:
-    """Whether the last model holds, and the error before → after → floor."""
+    """Whether the last model fits, and the error before → after → floor."""
     last = steps[-1]
     if not math.isfinite(last.lack_of_fit_p):
         why = "can't be tested: replicates, or more conditions, are needed"
         return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
-    told = _explains(last) if leaves_nothing(last) else _fails(last)
-    head = styled(filled(f"{last.name} {told}"), "good" if passes(last) else "open")
+    judgement = _explains(last) if leaves_nothing(last) else _fails(last)
+    head = styled(filled(f"{last.name} {judgement}"), "good" if passes(last) else "open")
     named = [line for name in last.effects for line in _in_words(name, last)]
     return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
 
 
 def _explains(fit: Fit) -> str:
-    """That replicates leave nothing to explain; by which numbers, where these are not to be believed."""
+    """That replicates leave nothing to explain, and which implausible parameter values that takes, if any."""
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
-    if not (strange := doubtful_parameters(fit)):
+    if not (implausible := doubtful_parameters(fit)):
         return f"holds: replicates leave nothing to explain ({p})"
-    return f"explains the data ({p}), but only with {' and '.join(with_plausible_ranges(fit, strange))}"
+    return f"explains the data ({p}), but only with {' and '.join(with_plausible_ranges(fit, implausible))}"
 
 
 def _fails(fit: Fit) -> str:
@@ -69,41 +69,41 @@ def _fails(fit: Fit) -> str:
     return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
 
 
-def _repeated_by(fit: Fit) -> list[str]:
-    """How ``compare`` fits the same, where an effect is under another convention than the catalogue's."""
-    variants = [one for one in fit.model.effects if isinstance(one, Variant)]
+def _command_for(fit: Fit) -> list[str]:
+    """The ``compare`` command for a fit with an effect under another convention than the catalogue's."""
+    variants = [effect for effect in fit.model.effects if isinstance(effect, Variant)]
     if not variants:
         return []
-    usual = ",".join(one for one in fit.effects if one not in fit.variants)
-    formulas = " ".join(f"--effect '{one.as_formula}'" for one in variants)
+    usual = ",".join(name for name in fit.effects if name not in fit.variants)
+    formulas = " ".join(f"--effect '{variant.as_formula}'" for variant in variants)
     options = f"--model {fit.model.base} {f'--effects {usual} ' if usual else ''}{formulas}"
-    asked = f"compare --effects {','.join(fit.variants)} has the catalogue's convention; the one named is fitted by:"
-    return ["", filled(asked), f"compare DATA {options}"]
+    why = f"compare --effects {','.join(fit.variants)} has the catalogue's convention; the one named is fitted by:"
+    return ["", filled(why), f"compare DATA {options}"]
 
 
 def errors(steps: Sequence[Fit]) -> str:
-    """Speed error out of sample, before → after, and what replicates scatter; only what is known."""
+    """Speed error out of sample, before → after, and the scatter of replicates, as far as known."""
     cells = steps[-1].cells
     floor, dof = noise_floor(cells)["speed"], int(cells.pure_error_dof[0])
     known = [step.cv_rmse_m_s for step in (steps[0], *steps[1:][-1:]) if math.isfinite(step.cv_rmse_m_s)]
     scattered = math.isfinite(floor) and dof > 0
-    # An rms of n values is known to 1/√(2n) of itself.
-    sure = CM * (floor / math.sqrt(2 * dof) if scattered else min(known, default=0.0) / math.sqrt(2 * cells.trials))
-    told = " → ".join(to_error(CM * error, sure) for error in known)
-    parts = [f"speed error out of sample: {told} cm/s"] if told else []
-    parts += [f"replicates scatter by {to_error(CM * floor, sure)} cm/s"] if scattered else []
-    return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates can be told"
+    # The standard error of an rms of n values is 1/√(2n) of it.
+    stderr = CM * (floor / math.sqrt(2 * dof) if scattered else min(known, default=0.0) / math.sqrt(2 * cells.trials))
+    shown = " → ".join(to_error(CM * error, stderr) for error in known)
+    parts = [f"speed error out of sample: {shown} cm/s"] if shown else []
+    parts += [f"replicates scatter by {to_error(CM * floor, stderr)} cm/s"] if scattered else []
+    return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates is known"
 
 
 def _in_words(name: str, fit: Fit) -> Iterator[str]:
     """What an effect does, then its fitted parameters."""
     effect = fit.model.catalogue[name]
     yield f"{name}: {words(effect)}"
-    known: Mapping[str, str] = {
-        one.name: f"{'' if one.unit == '1' else f' {one.unit}'}, {one.doc}" for one in effect.parameters
+    unit_and_doc: Mapping[str, str] = {
+        p.name: f"{'' if p.unit == '1' else f' {p.unit}'}, {p.doc}" for p in effect.parameters
     }
     for full, estimate in fit.parameters.items():
         owner, _, parameter = full.rpartition(".")
-        told = fit.value_text(*estimate)
-        if owner == name and told != UNDETERMINED:
-            yield f"{parameter} = {told}{known[parameter]}"
+        value = fit.value_text(*estimate)
+        if owner == name and value != UNDETERMINED:
+            yield f"{parameter} = {value}{unit_and_doc[parameter]}"

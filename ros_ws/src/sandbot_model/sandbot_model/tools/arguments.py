@@ -1,7 +1,7 @@
-"""Arguments that compare, discover and effects share.
+"""Arguments that several commands share.
 
-What reads and fits is imported by the functions that need it: ``--help`` and a slip in the options are answered at
-once.
+Modules that read and fit are imported by the functions that need them, so that ``--help`` and mistakes in the options
+are answered at once.
 """
 
 import argparse
@@ -22,9 +22,9 @@ from sandbot_model.physics.walking import BASES
 ALL = 10**6
 """More rows than any table has."""
 FITTERS = 2
-"""Processes that fit at once where nothing else is said."""
-OF_LEGS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
-"""Keys of a robot by which bags were read: another file can't change them afterwards."""
+"""Default number of processes that fit at once."""
+LEG_KEYS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
+"""Keys of a robot that the reading of bags depends on: another file can't change them afterwards."""
 
 if TYPE_CHECKING:
     from sandbot_model.data.conditions import Cells
@@ -61,17 +61,17 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
-    parser.add_argument("--verbose", "-v", action="store_true", help="print all: every effect tried, every miss")
+    parser.add_argument("--verbose", "-v", action="store_true", help="print every effect tried and every miss")
 
 
 def check_report(args: argparse.Namespace) -> None:
-    """Raises InputError where something is said of a report that is not written."""
+    """Raises InputError for an option of a report that is not written."""
     if args.title is not None and args.html is None:
         raise InputError("--title: only the report of --html OUT has one; give that too")
 
 
 def add_model(parser: Parser) -> None:
-    """The base model; which effects come on top each command says in its own words (``--effects``)."""
+    """The base model; each command adds an ``--effects`` of its own."""
     parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
 
 
@@ -98,7 +98,7 @@ def add_setting(parser: Parser) -> None:
 
 
 def add_bed(parser: Parser) -> None:
-    """Options for what is known of the bed before a trial is run."""
+    """Options for priors on the bed."""
     parser.add_argument(
         "--bed-scatter",
         type=float,
@@ -114,12 +114,12 @@ def add_bed(parser: Parser) -> None:
 
 
 def criteria(args: argparse.Namespace) -> Criteria:
-    """Those of a verdict, with what the options say of the bed. Raises InputError."""
+    """Criteria of a verdict, with the bed's priors from the options. Raises InputError."""
     return of_bed(args.bed_scatter, args.bed_drift)
 
 
 def check_bed(args: argparse.Namespace, cells: "Cells") -> None:
-    """Raises InputError where something is said of the bed that these trials have no use for."""
+    """Raises InputError for an option on the bed that these trials can't use."""
     if args.bed_drift is not None and cells.order is None:
         raise InputError(
             f"--bed-drift {args.bed_drift:g}: DATA do not say in which order trials were run (run_order, or started); "
@@ -128,19 +128,19 @@ def check_bed(args: argparse.Namespace, cells: "Cells") -> None:
 
 
 def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
-    """The trials of DATA, of the robot and frame rate that the options name, and a line on whose numbers are used.
+    """The trials of DATA, with the robot and cameras that the options name, and a line on which robot that is.
 
     Raises InputError.
     """
-    found = _filmed(args, args.data)
+    found = _read(args, args.data)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
-    source = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
+    source = "as in the bags" if found.robot else "not given, SandBot is assumed (--robot FILE.yaml names another)"
     return found, f"robot: {source}"
 
 
 def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
-    """What is odd about the trials of DATA. Raises InputError where their numbers make no sense."""
+    """Notes on suspicious trials of DATA. Raises InputError for impossible ones."""
     from sandbot_model.data.quality import checked
     from sandbot_record.trials.read import named
 
@@ -148,11 +148,11 @@ def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
 
 
 def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":
-    """The trials of ``path``, with what the options say of DATA; of the robot of ``first``.
+    """The trials of ``path``, to show with DATA: with the same options, and of the robot of ``first``.
 
-    Raises InputError where they are another robot's.
+    Raises InputError if they are another robot's.
     """
-    found = _filmed(args, path)
+    found = _read(args, path)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))[0]
     robot = first.robot or SANDBOT
@@ -164,8 +164,8 @@ def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":
     return replace(found, robot=robot)
 
 
-def _filmed(args: argparse.Namespace, data: "Path | Sequence[Path]") -> "Trials":
-    """Trials as filmed by the cameras of ``--cameras``, or their own."""
+def _read(args: argparse.Namespace, data: "Path | Sequence[Path]") -> "Trials":
+    """Trials with the frame rate and accuracy of ``--cameras``, else with their own."""
     from sandbot_record.trials.read import read
     from sandbot_record.trials.setting import of_cameras
 
@@ -177,7 +177,7 @@ def _filmed(args: argparse.Namespace, data: "Path | Sequence[Path]") -> "Trials"
 
 
 def check_setting(args: argparse.Namespace) -> None:
-    """Read what ``--robot``, ``--cameras`` and ``--penetrometer`` name, whatever DATA hold. Raises InputError."""
+    """Check the files of ``--robot``, ``--cameras`` and ``--penetrometer`` by reading them. Raises InputError."""
     from sandbot_record.trials.setting import of_cameras
 
     if args.robot is not None:
@@ -191,18 +191,18 @@ def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]"
     """The trials as walked by this robot, named ``where``, and a line that says so. Raises InputError."""
     own, line = trials.robot, f"robot: {where}"
     if own is not None and own != robot:
-        for name in OF_LEGS:
+        for name in LEG_KEYS:
             given, read = to_mapping(robot)[name], to_mapping(own)[name]
             if given != read:
                 raise InputError(
-                    f"{where}: {name}: {given}, but the first steps in DATA were read with {read}; say that here, too"
+                    f"{where}: {name}: {given}, but the first steps in DATA were read with {read}; use that here, too"
                 )
         line += f" in place of the bags' own ({difference(robot, own)})"
     return replace(trials, robot=robot), line
 
 
 def add_penetrometer(parser: Parser) -> None:
-    """Option for measurements of the ground without a robot."""
+    """Option for measurements of the ground itself."""
     parser.add_argument(
         "--penetrometer",
         type=Path,
@@ -219,7 +219,7 @@ def cells(args: argparse.Namespace, trials: "Trials") -> "Cells":
 
 
 def readings(args: argparse.Namespace) -> "Readings | None":
-    """What ``--penetrometer`` names. Raises InputError."""
+    """The readings in the file of ``--penetrometer``, if given. Raises InputError."""
     if args.penetrometer is None:
         return None
     from sandbot_model.data.penetrometer import read_readings
@@ -228,7 +228,7 @@ def readings(args: argparse.Namespace) -> "Readings | None":
 
 
 def add_fitters(parser: Parser) -> None:
-    """Options for those who fit."""
+    """Options for the processes that fit."""
     from sandbot_common.crew import add_crew
 
     add_crew(parser, "fit", usual=FITTERS)
@@ -236,7 +236,7 @@ def add_fitters(parser: Parser) -> None:
 
 @contextmanager
 def fitters(args: argparse.Namespace) -> Iterator["Map"]:
-    """The ``map`` of those whom ``--workers`` or ``--dask`` names. Raises InputError."""
+    """The ``map`` of the processes that ``--workers`` or ``--dask`` names. Raises InputError."""
     from sandbot_common.crew import crew_of
     from sandbot_model.fitting.parallel import users_modules
 

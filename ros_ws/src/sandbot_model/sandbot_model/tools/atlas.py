@@ -32,14 +32,16 @@ def _atlas(argv: Sequence[str]) -> None:
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
     parser.add_argument(
-        "--beside", type=Path, metavar="FILE.csv", help="published points to lay beside, as a trials CSV"
+        "--beside", type=Path, metavar="FILE.csv", help="published points to draw as well, as a trials CSV"
     )
-    parser.add_argument("--width", type=float, choices=WIDTHS_MM, help="width of all [mm] (default: each its own)")
+    parser.add_argument(
+        "--width", type=float, choices=WIDTHS_MM, help="width of all figures [mm] (default: each figure's own)"
+    )
     parser.add_argument(
         "--formats", type=_formats, default=FORMATS, help=f"which of {','.join(FORMATS)} (default: all)"
     )
     args = parser.parse_args(argv)
-    folder = args.out or _beside_the_data(args.data[0])
+    folder = args.out or _default_folder(args.data[0])
     _check_folder(folder)
     _draw(args, folder)
 
@@ -93,12 +95,12 @@ def _formats(text: str) -> tuple[str, ...]:
     return names
 
 
-def _beside_the_data(data: Path) -> Path:
+def _default_folder(data: Path) -> Path:
     return (data if data.is_dir() else Path()) / "atlas"
 
 
 def _check_folder(folder: Path) -> None:
-    """Told before minutes of work, not after. Raises InputError."""
+    """Check before minutes of work, not after. Raises InputError."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file, a folder is needed")
     check_output(folder / "figure")

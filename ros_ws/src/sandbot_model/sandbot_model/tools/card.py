@@ -11,7 +11,7 @@ from sandbot_model.report.effect_facts import ABSORBED, DESIGN, range_of, showin
 
 
 def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
-    """What is known of an effect, then where it would show, which is computed (see ``fingerprint``)."""
+    """The facts about an effect, then where it would show, which is computed (see ``fingerprint``)."""
     facts = [
         ("stage", effect.stage),
         ("formula", plain(effect.formula)),
@@ -20,16 +20,16 @@ def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
         ("source", effect.source),
     ]
     head = [styled(effect.identifier, "bold"), filled(words(effect), "  "), ""]
-    told = [filled(f"{name:<8} {said}", "  ") for name, said in facts]
-    return "\n".join([*head, *told, "", _where(fingerprint(effect, catalogue))])
+    lines = [filled(f"{name:<8} {fact}", "  ") for name, fact in facts]
+    return "\n".join([*head, *lines, "", _visibility(fingerprint(effect, catalogue))])
 
 
-def _where(found: Fingerprint) -> str:
-    """In which observables it would show, most telling first, and a map of the first."""
+def _visibility(found: Fingerprint) -> str:
+    """In which observables the effect would show, the clearest first, and a map of the first."""
     shown = shown_in(found)
     if not shown:
         return filled(f"would not show, at its usual strength: {ABSORBED} ({DESIGN})")
-    lines = [filled(f"would show in ({DESIGN}, once k(φ), Δt and swimming speed of the simple model have followed):")]
+    lines = [filled(f"would show in ({DESIGN}, after fitting k(φ), Δt and swimming speed of the simple model):")]
     lines += [filled(showing(found, observable), "  ") for observable in shown]
     rows = [["φ \\ ω [rad/s]", *(f"{omega:g}" for omega in OMEGA_RAD_S)]]
     for phi, row in zip(PHI, found.missed[..., shown[0]], strict=True):

@@ -47,7 +47,7 @@ def _compare(argv: Sequence[str]) -> None:
     args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
     arguments.check_report(args)
     if args.bootstrap is not None and args.bootstrap < 2:
-        raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed, one tells no spread")
+        raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed, one has no spread")
     if args.bootstrap is None:
         no_crew(args, "only the draws of --bootstrap N are shared out; give that too")
     fitters = arguments.fitters(args)
@@ -55,7 +55,7 @@ def _compare(argv: Sequence[str]) -> None:
 
 
 def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractContextManager[Map]") -> None:
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only once the options are parsed, so that --help and mistakes in them are answered at once.
     from tqdm import tqdm
 
     from sandbot_model.data.conditions import cells_of
@@ -77,9 +77,9 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
     if args.effects_from:
-        users = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys())
-        if not set(users) & set(selection.effects):
-            print(filled(f"not fitted: {', '.join(users)} of --effects-from; --effects {users[0]} adds it"), end="\n\n")
+        own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys())
+        if not set(own) & set(selection.effects):
+            print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
     if selection.by_hand:
         print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
     parts = [tables.ladder(steps), tables.parameters(steps[-1])]
@@ -109,21 +109,21 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
 
 
 def _check_held(selection: Selection, model: "Model") -> None:
-    """Raises InputError for a parameter that the model does not have or a value that it can't, whatever the data."""
+    """Raises InputError for a held parameter that the model does not have, or an impossible value of one."""
     for name, value in selection.by_hand:
         model.parameter(name).check(value, f"--hold {name}")
 
 
 def _selection(args: argparse.Namespace) -> Selection:
-    """What the arguments, or the file that stands for them, select. Raises InputError."""
+    """What the arguments, or the file of ``--selection`` in their place, select. Raises InputError."""
     given = arguments.selection(args)
-    # What is typed as a formula is meant to be added; --effects only says where in the order.
+    # Every --effect is added; --effects only gives its place in the order.
     given = given.toggled([*given.effects, *(name_of(text) for text in args.effect)])
     for held in args.hold:
         given = held_by_text(given, held, "--hold")
     if args.selection is not None:
         if given != Selection():
-            raise InputError("--selection says model, effects and held values: leave out the options that say them too")
+            raise InputError("--selection gives model, effects and held values: leave out the options that do so, too")
         given = read_selection(args.selection)
     if given.by_hand and args.bootstrap is not None:
         source = f"{args.selection}: by_hand" if args.selection else "--hold"

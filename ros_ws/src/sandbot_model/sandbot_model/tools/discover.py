@@ -58,7 +58,7 @@ def _discover(argv: Sequence[str]) -> None:
 
 
 def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> None:
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only once the options are parsed, so that --help and mistakes in them are answered at once.
     from tqdm import tqdm
 
     from sandbot_model.discovery.discover import discover
@@ -94,7 +94,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     if args.json is not None:
         content = found.to_dict()
         content["data"]["notes"] = list(notes)
-        content |= {"error_rates": [one.to_dict() for one in rates]} if rates else {}
+        content |= {"error_rates": [rate.to_dict() for rate in rates]} if rates else {}
         write_json(args.json, content)
     if args.html is not None:
         from sandbot_model.report import write_report
@@ -116,7 +116,7 @@ def _rates(
     fit_all: "Map",
     progress: "Progress",
 ) -> "list[ErrorRates]":
-    """Of campaigns with nothing hidden, and with what was named."""
+    """Error rates for campaigns with nothing hidden, and for campaigns with the named effects hidden."""
     from sandbot_model.discovery.error_rates import error_rates
 
     truths = [found.steps[0], *([found.fit] if found.verdict.status == "identified" else [])]
@@ -130,7 +130,7 @@ def _rates(
 
 
 def _tables(found: "Discovery", verbose: bool) -> str:
-    """What the verdict rests on and what to measure next; all of it, or what a reader needs first."""
+    """The numbers behind the verdict and what to measure next; all of them if ``verbose``, else the main ones."""
     from sandbot_model.tools import tables
 
     parts = [tables.ladder(found.steps)]

@@ -57,17 +57,17 @@ Paths = str | Path | Sequence[str | Path]
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """What both return: a ladder of fits that prints, draws and reports itself."""
+    """What ``discover`` and ``compare`` return: a ladder of fits that prints, draws and reports itself."""
 
     content: Discovery | Comparison
-    """Everything that was found."""
+    """The full result."""
     trials: Trials
     notes: tuple[str, ...] = ()
-    """What is odd about the trials, one sentence each."""
+    """What is suspicious about the trials, one sentence each."""
 
     @property
     def steps(self) -> tuple[Fit, ...]:
-        """The ladder: the base model, then one effect more a step."""
+        """The ladder: the base model, then one more effect per step."""
         return tuple(self.content.steps)
 
     @property
@@ -104,7 +104,7 @@ class Found(Result):
 
     @property
     def next_trials(self) -> tuple[NextTrial, ...]:
-        """What to measure next, the most telling first."""
+        """What to measure next, the most informative first."""
         return self.content.next_trials
 
     def report(self, path: str | Path, *, title: str = "trackway") -> Path:
@@ -179,7 +179,7 @@ def compare(
     penetrometer: str | Path | None = None,
     robot: str | Path | Robot | None = None,
 ) -> Compared:
-    """The base model, then one of the named ``effects`` more a step, fitted to ``data``; else as ``discover``.
+    """The base model, then one more of the named ``effects`` per step, fitted to ``data``; else as ``discover``.
 
     ``formulas`` that are not named come last.
     """

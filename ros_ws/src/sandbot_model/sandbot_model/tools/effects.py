@@ -1,4 +1,4 @@
-"""effects: print the catalogue of physical effects, or what is known of some of them."""
+"""effects: print the catalogue of physical effects, or cards of the ones named."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ def _effects(argv: Sequence[str]) -> None:
     args = parser.parse_args(argv)
     if args.quantities:
         if args.names or args.effect or args.effects_from or args.json is not None:
-            raise InputError("--quantities: prints the symbols and nothing else; leave out what else is given")
+            raise InputError("--quantities: prints the symbols and nothing else; leave out all other arguments")
         print(_quantities())
         return
-    # Imported now that the options are understood: --help is answered at once.
+    # Imported only once the options are parsed, so that --help is answered at once.
     from sandbot_model.physics.catalogue import catalogue, describe
 
     effects = catalogue(args.effects_from, args.effect)
@@ -64,7 +64,7 @@ def _quantities() -> str:
     from sandbot_model.physics.symbols import listed
 
     rows = [["symbol", "unit", "from stage", "meaning"]]
-    rows += [[", ".join(one.spellings), one.unit, one.stage, one.doc] for one in listed()]
+    rows += [[", ".join(symbol.spellings), symbol.unit, symbol.stage, symbol.doc] for symbol in listed()]
     functions = sorted({*FUNCTIONS, *SHORT})
     return "\n".join(
         [

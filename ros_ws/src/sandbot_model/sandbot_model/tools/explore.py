@@ -1,6 +1,6 @@
 """explore: one page on this host to compare model and trials, switch effects on and watch the error fall."""
 
-# The page and all that fits are imported once the options are understood: --help is answered at once.
+# The page and all that fits are imported only once the options are parsed, so that --help is answered at once.
 
 import argparse
 import logging
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
     from sandbot_record.trials.table import Trials
 
 NICE = 5
-"""Workers give way to the page, but not for ever to whatever else runs here: a discovery is made by them, too."""
+"""Niceness of workers: they yield to the page, but not too much to other programs, for they run discoveries, too."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; Ctrl-C ends the whole process at once."""
     code = cli.run(_explore, argv)
-    return _leave(code) if code == cli.INTERRUPTED else code
+    return _exit_now(code) if code == cli.INTERRUPTED else code
 
 
-def _leave(code: int) -> NoReturn:
-    """End this moment: nobody waits for threads that still answer, nor for workers that fit ahead.
+def _exit_now(code: int) -> NoReturn:
+    """Exit at once, without waiting for threads that still answer or for workers that fit in advance.
 
-    A pool of which workers are ended complains in every thread that waits for a fit, and waits for ever for the rest of
-    one that was being sent.
+    A pool whose workers were killed would report an error in every thread that waits for a fit, and would wait for ever
+    for the rest of a message that was being sent.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.stdout.flush()
@@ -70,42 +70,42 @@ def _explore(argv: Sequence[str]) -> None:
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
     arguments.criteria(args)
-    query = to_query(_opened(args))
+    query = to_query(_initial_selection(args))
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
     campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
-    workers = pool(args.workers, "fork", also=_gives_way)
-    # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
+    workers = pool(args.workers, "fork", also=_lower_priority)
+    # SIGTERM (from a launcher, a test) is handled like Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    desk = _Desk(args, title, query, workers)
+    servers = _Servers(args, title, query, workers)
     try:
-        read = desk.read()
+        read = servers.read()
     except InputError as error:
-        # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
+        # A missing path is a mistake on the command line; data that can't be used are reported on the page.
         if not all(path.exists() for path in args.data):
             raise
         from sandbot_model.explore import no_data
 
         print(f"explore: {error}", file=sys.stderr, flush=True)
-        first, said = no_data.app(title, str(error), again=bool(campaigns)), ""
+        first, robot_line = no_data.app(title, str(error), again=bool(campaigns)), ""
     else:
-        first, said = desk.server(*read), read[1]
-    _serve(desk, first, campaigns, said)
+        first, robot_line = servers.of(*read), read[1]
+    _serve(servers, first, campaigns, robot_line)
 
 
-def _opened(args: argparse.Namespace) -> Selection:
-    """The state to open in: the one saved, if any, with the formulas that were typed. Raises InputError."""
+def _initial_selection(args: argparse.Namespace) -> Selection:
+    """The saved selection, if any, with the formulas of ``--effect``. Raises InputError."""
     saved = read_selection(args.selection) if args.selection else Selection()
     for text in args.effect:
         saved = with_formula(saved, text)
     return saved
 
 
-class _Desk:
-    """What is shown: the data as they are now, what the command line says of them, and who fits."""
+class _Servers:
+    """Makes servers for the current data, by the options of the command line and with one pool of workers."""
 
     def __init__(self, args: argparse.Namespace, title: str, query: str, workers: ProcessPoolExecutor) -> None:
         self.args, self._title, self.query, self._workers = args, title, query, workers
@@ -116,12 +116,12 @@ class _Desk:
         arguments.notes(self.args, trials)
         return trials, robot_line, arguments.cells(self.args, trials)
 
-    def made(self, dropped: Path | None) -> "Flask":
-        """A server for the data as they are now, with a table that was dropped beside them."""
-        return self.server(*self.read(), dropped)
+    def current(self, dropped: Path | None) -> "Flask":
+        """A server for the data as they are now, and for a table dropped on the page, if any."""
+        return self.of(*self.read(), dropped)
 
-    def server(self, trials: "Trials", robot_line: str, cells: "Cells", dropped: Path | None = None) -> "Flask":
-        """The explorer of these. Raises InputError for an option that they have no use for."""
+    def of(self, trials: "Trials", robot_line: str, cells: "Cells", dropped: Path | None = None) -> "Flask":
+        """A server for these trials. Raises InputError for an option that they can't use."""
         from sandbot_model.data.conditions import cells_of
         from sandbot_model.explore.app import Beside, Explorer
         from sandbot_model.explore.session import Session
@@ -135,33 +135,33 @@ class _Desk:
             beside = Beside(Session(other, self._workers, **own), path.resolve().stem)
         session = Session(cells, self._workers, **own)
         session.catalogue()
-        # Forked here, before the server has threads; they see a user's effects as they are.
+        # Workers are forked here, before the server has threads, and inherit the user's effects.
         self._workers.submit(os.getpid).result()
         options = [word for path in args.effects_from for word in ("--effects-from", str(path))]
         for name in ("penetrometer", "robot", "cameras"):
             if (path := getattr(args, name)) is not None:
                 options += [f"--{name}", str(path)]
         explorer = Explorer(session, trials, args.data, self._title, beside, options, robot_line)
-        # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
+        # Fitted before the address is printed, so that the page is ready; errors will be shown on it.
         with suppress(InputError):
             session.ladder(from_query(self.query))
         found: Flask = explorer.app().server
         return found
 
 
-def _gives_way() -> None:
+def _lower_priority() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICE)
 
 
-def _serve(desk: _Desk, first: "Flask", campaigns: Sequence[Path], said: str) -> None:
+def _serve(servers: _Servers, first: "Flask", campaigns: Sequence[Path], robot_line: str) -> None:
     from werkzeug.serving import make_server
 
     from sandbot_model.explore.live import Live
     from sandbot_model.explore.loopback import HOST
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    port = desk.args.port
+    port = servers.args.port
     try:
         listening = socket.create_server((HOST, port))
     except OSError as error:
@@ -169,13 +169,13 @@ def _serve(desk: _Desk, first: "Flask", campaigns: Sequence[Path], said: str) ->
     port = listening.getsockname()[1]
     ended = threading.Event()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as dropped:
-        live = Live(desk.made, first, Path(dropped), campaigns)
+        live = Live(servers.current, first, Path(dropped), campaigns)
         server = make_server(HOST, port, live, threaded=True, fd=listening.fileno())
         if campaigns:
             threading.Thread(target=live.follow, args=(ended,), name="follow", daemon=True).start()
-        address = f"explore: http://{HOST}:{port}/{desk.query}  (Ctrl-C ends it)"
-        print(address, *([said] if said else []), sep="\n", flush=True)
-        # It ends by Ctrl-C alone, which werkzeug keeps to itself.
+        address = f"explore: http://{HOST}:{port}/{servers.query}  (Ctrl-C ends it)"
+        print(address, *([robot_line] if robot_line else []), sep="\n", flush=True)
+        # Returns only after Ctrl-C, which werkzeug swallows: raised again below.
         try:
             server.serve_forever()
         finally:

@@ -1,4 +1,4 @@
-"""The predictor's command line, which is there before ROS is."""
+"""The predictor's command line, which answers before ROS is imported."""
 
 from sandbot_common import cli
 from sandbot_model.physics.predictor import PredictorParameters

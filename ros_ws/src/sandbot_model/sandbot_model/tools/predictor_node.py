@@ -18,11 +18,11 @@ from sandbot_model.physics.predictor import PredictorParameters, of_robot, predi
 
 NO_VARIANCE = -1.0
 _OMEGA_RAD_S = np.arange(1.0, 40.5, 0.5)
-"""The frequencies of the curve; one that a trial has beyond these is added."""
+"""The frequencies of the curve, to which that of the trial is added."""
 
 
 class PredictorNode(Node):
-    """Knows φ from the bed, ω and gait from /trial, the legs from /leg_states; measured speeds give the error."""
+    """Takes φ from the bed, ω and gait from /trial, leg angles from /leg_states; measured speeds give the error."""
 
     def __init__(self) -> None:
         super().__init__("predictor")
@@ -45,7 +45,7 @@ class PredictorNode(Node):
 
     def _use(self, parameters: PredictorParameters) -> None:
         self._predictor, self._drawn = predictor_of(parameters), None
-        self._mind(parameters)
+        self._use_robot_of_trial(parameters)
 
     def _on_trial(self, message: String) -> None:
         try:
@@ -54,7 +54,7 @@ class PredictorNode(Node):
             self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
             if "robot" in trial:
                 self._robot = robot_from_mapping(trial["robot"], "/trial: robot")
-            self._mind(self._settings.current)
+            self._use_robot_of_trial(self._settings.current)
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -62,8 +62,8 @@ class PredictorNode(Node):
             return
         self._announce()
 
-    def _mind(self, parameters: PredictorParameters) -> None:
-        """Walk the trial's robot, unless a file or a result says which robot this predictor is of."""
+    def _use_robot_of_trial(self, parameters: PredictorParameters) -> None:
+        """Predict for the trial's robot, unless the parameters name a robot's file or a result."""
         self._health.level, self._health.text = 0, "ok"
         robot, own = self._robot, self._predictor.model.robot
         if robot is None or robot == own:
@@ -72,7 +72,7 @@ class PredictorNode(Node):
             self._predictor = of_robot(self._predictor, robot)
         else:
             self._health.level = 1
-            self._health.text = f"predicts for another robot than /trial tells ({difference(own, robot)})"
+            self._health.text = f"predicts for another robot than that of /trial ({difference(own, robot)})"
 
     def _on_phi(self, message: Float64) -> None:
         self._phi = float(message.data)
@@ -85,10 +85,10 @@ class PredictorNode(Node):
 
     def _draw(self) -> None:
         """Publish the curve, once for each φ, gait and robot."""
-        what = self._phi, self._omega, self._gait, self._predictor.model.robot
-        if what == self._drawn:
+        key = self._phi, self._omega, self._gait, self._predictor.model.robot
+        if key == self._drawn:
             return
-        self._drawn = what
+        self._drawn = key
         omega = np.union1d(_OMEGA_RAD_S, [self._omega])
         speed = self._predictor.mean_speeds(self._phi, omega, self._gait)
         curve = {"phi": self._phi, "gait": self._gait, "omega_rad_s": omega.tolist(), "speed_m_s": speed.tolist()}

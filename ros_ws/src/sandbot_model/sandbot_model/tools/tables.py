@@ -16,8 +16,8 @@ from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
 
 WITHOUT_NUISANCES = (
-    "Each alone on the base model, without what trials share (zero of the lift, scale of speed, drift), beside which "
-    "the ladder's last step is fitted."
+    "Each alone on the base model, without the nuisances (zero of the lift, scale of speed, drift) that the ladder's "
+    "last step is fitted with."
 )
 
 
@@ -34,7 +34,7 @@ def data_line(fit: Fit) -> str:
 
 
 def notes(found: Sequence[str]) -> str:
-    """What is odd about the trials, one sentence each; nothing where nothing is."""
+    """Notes on suspicious trials, one per paragraph; empty if there are none."""
     return "".join(f"{filled(f'note: {note}')}\n" for note in found)
 
 
@@ -44,7 +44,7 @@ def ladder(steps: Sequence[Fit]) -> str:
 
 
 def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
-    """Standard errors of the fit's Jacobian beside those of a bootstrap over trials."""
+    """Standard errors from the fit's Jacobian, and from a bootstrap over trials."""
     rows = [["parameter", "value", "± stderr", f"± bootstrap, {draws} draws"]]
     ks = {f"k[{i}]": pair for i, pair in enumerate(zip(fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True))}
     fitted = {**fit.parameters, **ks}
@@ -58,22 +58,22 @@ def parameters(fit: Fit) -> str:
         means, unknowns = int(fit.problem.measured.sum()), len(fit.parameters) + len(fit.level_phi)
         return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters: none is given"
     rows = [["parameter", "value", ""]]
-    for name, told in fit.estimates():
-        rows.append([name, told, _remark(fit, name, told)])
+    for name, estimate in fit.estimates():
+        rows.append([name, estimate, _remark(fit, name, estimate)])
     return table(rows)
 
 
-def _remark(fit: Fit, name: str, told: str) -> str:
-    """What is odd about an estimate. Where nothing depends on it, a search leaves it anywhere, also at a bound."""
+def _remark(fit: Fit, name: str, estimate: str) -> str:
+    """What is suspicious about an estimate. If undetermined, the search may leave it anywhere, even at a bound."""
     if name == "v_swim_m_s" and walks(fit.cells.mean).all():
         return "no cell swims"
-    if told == UNDETERMINED:
+    if estimate == UNDETERMINED:
         return ""
     return "at its bound" if name in fit.at_bounds else "outside its plausible range" if name in fit.implausible else ""
 
 
 def lock_line(ratio: Array) -> str:
-    """The geometry lock, which needs no fit; nothing where it can't be checked."""
+    """The geometry lock, which needs no fit; empty where it can't be checked."""
     finite = np.isfinite(ratio)
     if not finite.any():
         return ""
@@ -103,7 +103,7 @@ def _more(count: int) -> str:
 
 
 def candidates(discovery: Discovery, most: int) -> str:
-    """Single effects by what they change."""
+    """Single effects and what each improves."""
     rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of\nsample\n[cm/s]", "weight"]]
     for candidate in discovery.candidates[:most]:
         rows.append(
