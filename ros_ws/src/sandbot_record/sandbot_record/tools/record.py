@@ -30,7 +30,7 @@ def _record(argv: Sequence[str]) -> int:
     options, ros_arguments = cli.with_ros(_parser(), argv)
     _check(options)
     attachments = {path.name: _content(path) for path in options.attach}
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.tools.recorder_node import Selection, record
 
     selection = Selection(
@@ -49,7 +49,7 @@ def _record(argv: Sequence[str]) -> int:
 
 
 def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Recording":
-    """Open the bag. Raises InputError where it can't be."""
+    """Open the bag. Raises InputError if it can't be opened."""
     from sandbot_record.bags.recording import Limits, Recording
     from sandbot_record.bags.writer import BagWriter, Split
 
@@ -57,7 +57,7 @@ def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Re
         writer = BagWriter(
             options.out,
             compression=options.compression,
-            flush_period_s=0.0,  # Recording flushes, as time passes
+            flush_period_s=0.0,  # Recording does the flushing
             chunk_size=1 << 18,
             fsync=options.fsync,
             split=Split(int(options.max_size * MIB), options.max_duration),
@@ -140,7 +140,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _check_ignored(options: argparse.Namespace) -> None:
-    """Raise InputError for what would have no effect."""
+    """Raise InputError for options that would have no effect."""
     if options.exclude and not (options.all or options.regex):
         raise InputError("--exclude: of topics that are named none is left out; it is for --all or --regex")
     if options.pause_images and options.images == "none":

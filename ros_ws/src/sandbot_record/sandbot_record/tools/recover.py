@@ -17,7 +17,7 @@ def _recover(argv: Sequence[str]) -> None:
     parser.add_argument("bag", type=Path, metavar="BAG", help="the bag's folder, or one .mcap file; it is not changed")
     parser.add_argument("new", type=Path, metavar="NEW_BAG", help="the bag to write; must not exist")
     options = parser.parse_args(argv)
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.bags.recover import recover
 
     try:
