@@ -1,4 +1,4 @@
-"""Parameters of the camera node, and its command line: both are there before ROS is."""
+"""Parameters of the camera node, and its command line; neither needs ROS."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class CameraParameters:
-    """Which camera, from where."""
+    """Which camera, and its source."""
 
     camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
     video: str = parameter("", doc="video file, or number of the camera device")

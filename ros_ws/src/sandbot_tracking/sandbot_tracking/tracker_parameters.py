@@ -1,4 +1,4 @@
-"""Parameters of the tracker node, and its command line: both are there before ROS is."""
+"""Parameters of the tracker node, and its command line; neither needs ROS."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class TrackerParameters:
-    """What the tracker needs to know."""
+    """Settings of the tracker."""
 
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
     robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. One that /trial tells goes before it")
