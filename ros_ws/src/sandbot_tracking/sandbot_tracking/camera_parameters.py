@@ -15,7 +15,7 @@ class CameraParameters:
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
     rate_hz: float = parameter(0.0, unit="Hz", doc="frames per second; 0: as the video says", low=0.0, high=10000.0)
     playback: float = parameter(
-        1.0, doc="speed at which a film is shown; its stamps stay film time", low=0.01, high=10.0
+        1.0, doc="speed at which a film is played; its stamps stay film time", low=0.01, high=10.0
     )
     exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=10.0)
 

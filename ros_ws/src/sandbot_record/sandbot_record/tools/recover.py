@@ -1,4 +1,4 @@
-"""recover: bring everything intact in a torn or damaged bag into a new, whole one, and say what is lost."""
+"""recover: copy everything intact in an unfinished or damaged bag to a new, complete one, and report the losses."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -61,17 +61,17 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
     parser.add_argument(
         "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"),
-        help="of its frames [px] (default: that of what gives the lens, else 640 480)",
+        help="of its frames [px] (default: that of the source of the lens, else 640 480)",
     )  # fmt: skip
-    parser.add_argument("--rate", type=float, help="its frames per second (default: not said, a film goes by its own)")
+    parser.add_argument("--rate", type=float, help="its frames per second (default: none, a film's own rate is used)")
     parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
     parser.add_argument("--chessboard", metavar="PATH", help="video or folder of images of a chessboard, for the lens")
-    parser.add_argument("--charuco", metavar="PATH", help="the same of a ChArUco board, which may be partly in view")
+    parser.add_argument("--charuco", metavar="PATH", help="the same for a ChArUco board, which may be partly in view")
     parser.add_argument("--pattern", type=int, nargs=2, help="inner corners of the board (default: 9 6)")
     parser.add_argument("--square", type=float, help="side of its squares [m] (default: 0.02)")
     parser.add_argument("--dictionary", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)")
-    parser.add_argument("--marker", type=float, help="their side, in parts of the squares' (default: 0.75)")
-    parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
+    parser.add_argument("--marker", type=float, help="their side as a fraction of the squares' (default: 0.75)")
+    parser.add_argument("--intrinsics", type=Path, help="cameras.yaml with the lens of that camera, which is kept")
     parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
