@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skimage.measure import label, regionprops
 
 from _ratios import Ratio
-from sandbot_tracking.bed import Picture, learnt
+from sandbot_tracking.bed import Picture, background
 from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
 
@@ -81,7 +81,7 @@ def draw(rng: np.random.Generator) -> Scene:
     image = bed.copy()
     for spot in centres:
         _add(image, spot, CONTRAST)
-    empty = learnt(_expose(rng, bed) for _ in range(EMPTY))
+    empty = background(_expose(rng, bed) for _ in range(EMPTY))
     return Scene(_expose(rng, image), centres, centres + rng.uniform(-3, 3, centres.shape), empty)
 
 

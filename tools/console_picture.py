@@ -1,6 +1,6 @@
-"""The console with a trial under way as docs/screenshots/console.png, and in dark/: a live campaign of the virtual lab.
+"""Screenshots of the console during a trial, docs/screenshots/console.png and in dark/: a live virtual campaign.
 
-On a busy machine the picture shows what such a machine loses; take it on a quiet one.
+On a busy machine the picture shows losses; take it on an idle one.
 """
 
 import os
@@ -35,21 +35,21 @@ REDRAWN = """
 const ink = getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
 return ["speed", "packing", "curve"].every((name) => document.getElementById(name).layout?.font.color === ink)
 """
-"""Figures follow a change of colours one after the other."""
+"""Whether all figures have been redrawn after a change of colours."""
 NICE = 15
 WALKED_MS = 2500
 """Then v_x(t) fills half of its figure, and the legs still move."""
 
 
 def main() -> int:
-    """Launch, run, look, end."""
+    """Launch the nodes, run the campaign, take the pictures, end everything."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         arguments = [f"{key}:={value}" for key, value in files(folder).items()]
         run = ("ros2", "run", "sandbot_bringup", "campaign", folder / "plan.yaml", "--out", folder / "one")
         with running(folder, "launch", "ros2", "launch", "sandbot_bringup", "trackway.launch.py", *arguments):
             page = WebDriverWait(folder, PATIENCE_S).until(address)
-            # A browser without a GPU draws on the nodes' CPUs: it comes after them.
+            # A browser without a GPU draws on the CPU, so it gets a lower priority than the nodes.
             with running(folder, "campaign", *run), after_all_else(), chromium() as driver:
                 driver.set_script_timeout(PATIENCE_S)
                 look(driver, "light", SIZE)
@@ -64,7 +64,7 @@ def main() -> int:
 
 
 def files(folder: Path) -> dict[str, object]:
-    """Write plan and cameras; what the launch is told."""
+    """Write plan and cameras; returns the launch arguments."""
     cameras = yaml.safe_load(table_path().with_name("cameras.yaml").read_text(encoding="utf-8"))
     for name in ("dorsal", "lateral"):
         cameras[name]["frame_rate_hz"] = FRAME_RATE_HZ
@@ -76,7 +76,7 @@ def files(folder: Path) -> dict[str, object]:
 
 @contextmanager
 def running(folder: Path, name: str, *command: object) -> Iterator[None]:
-    """A process of its own group, its words in a file, ended by Ctrl-C."""
+    """A process in a separate group, with its output in a file; ended by Ctrl-C."""
     with (folder / f"{name}.log").open("w") as log:
         process = subprocess.Popen([str(one) for one in command], stdout=log, stderr=log, start_new_session=True)
     try:
@@ -88,13 +88,13 @@ def running(folder: Path, name: str, *command: object) -> Iterator[None]:
 
 @contextmanager
 def after_all_else() -> Iterator[None]:
-    """This process and those it starts from here give way to the ones before."""
+    """Lower the priority of this process and of those it starts from now on."""
     os.nice(NICE)
     yield
 
 
 def address(folder: Path) -> str:
-    """Of the console, as soon as it is told."""
+    """The console's address, as soon as it is printed."""
     found = re.search(r"http://127\.0\.0\.1:\d+/", (folder / "launch.log").read_text(encoding="utf-8"))
     return found[0] if found else ""
 

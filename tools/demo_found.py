@@ -1,4 +1,4 @@
-"""demo_found [--effects] FOLDER: the last lines of the demo: what was found, where to look; or the effects' names."""
+"""demo_found [--effects] FOLDER: the demo's last lines, with the result and the output files; or the effects' names."""
 
 import sys
 import textwrap
@@ -21,7 +21,7 @@ SAID = {
 
 
 def found(discovery: Mapping[str, Any]) -> str:
-    """The verdict in a sentence for a physicist, with the fitted numbers and the error before and after."""
+    """The verdict in a sentence, with the fitted parameters and the error before and after."""
     first, last = discovery["steps"][0], discovery["steps"][-1]
     names, base = discovery["verdict"]["effects"], discovery["model"]
     if not names:
@@ -47,7 +47,7 @@ def _cm_s(step: Mapping[str, float]) -> str:
 
 
 def places(folder: Path) -> str:
-    """Where report, atlas, page and bags are."""
+    """The places of report, atlas, page and bags."""
     return (
         f"report    {folder}/report.html\n"
         f"atlas     {folder}/atlas, the figures of Li et al. 2009 from these trials\n"
@@ -57,7 +57,7 @@ def places(folder: Path) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Print what was asked for."""
+    """Print the result, or the effects' names."""
     folder = Path(arguments[-1])
     discovery = read_json(folder / "discovery.json")
     if arguments[0] == "--effects":

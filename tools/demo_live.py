@@ -62,11 +62,11 @@ LOOK_S = 0.05
 
 
 class LiveFailed(RuntimeError):
-    """A step of the live part did not come to its end."""
+    """A step of the live part did not complete."""
 
 
 def main(out: Path) -> int:
-    """Run it all; whatever was started is ended, however this ends."""
+    """Run everything; all started processes are ended in any case."""
     out.parent.mkdir(parents=True, exist_ok=True)
     use_shared_memory(frames=False)
     with stop_signals() as stop, open(f"{out}.log", "w", encoding="utf-8") as log:
@@ -82,7 +82,7 @@ def main(out: Path) -> int:
 
 
 def live(out: Path, programs: "Programs") -> None:
-    """Walk and watch, then replay and compare."""
+    """Walk while plotting the speed, then replay and compare."""
     plan_file = Path(f"{out}.yaml")
     write_text(plan_file, dump_yaml(PLAN | {"robot": str(config_folder() / "sgcs_robot.yaml")}))
     plan = read_plan(plan_file)
@@ -107,7 +107,7 @@ def live(out: Path, programs: "Programs") -> None:
 
 
 def walk(plan_file: Path, out: Path, programs: "Programs", nodes: "subprocess.Popen[str]", watch: "Watch") -> None:
-    """The campaign; what a busy machine let fail is run again. LiveFailed if it fails for good."""
+    """Run the campaign, repeating trials that fail on a busy machine. Raises LiveFailed if it fails repeatedly."""
     command = ("ros2", "run", "sandbot_bringup", "campaign", str(plan_file), "--out", str(out), "--silence", "5")
     for _ in range(ATTEMPTS):
         campaign = programs.start(*command, "--redo", "failed", *in_namespace("/demo"))
@@ -120,14 +120,14 @@ def walk(plan_file: Path, out: Path, programs: "Programs", nodes: "subprocess.Po
 
 
 def launch_arguments(plan: Plan) -> list[str]:
-    """The lab as the paper's robot on the paper's ground, the bed's protocol as the plan has it."""
+    """Launch arguments for the paper's robot and ground, and the plan's bed protocol."""
     files = {"world": "li09_world.yaml", "robot": "sgcs_robot.yaml"}
     given = [f"{name}:={config_folder() / file}" for name, file in files.items()]
     return ["namespace:=demo", *given, *(f"bed.{name}:={value}" for name, value in plan.bed.items()), *PATIENT]
 
 
 def ended(*programs: "subprocess.Popen[str]") -> bool:
-    """Whether one of them has ended."""
+    """Whether any of these processes has ended."""
     return any(program.poll() is not None for program in programs)
 
 
@@ -137,7 +137,7 @@ def in_namespace(name: str) -> tuple[str, ...]:
 
 
 def compare(programs: "Programs", bag: Path, again: Path, space: str) -> str:
-    """The speed that was measured live and that of the replay, in a line; LiveFailed where they differ."""
+    """A line with the speeds measured live and in the replay. Raises LiveFailed if they differ."""
     first = row_from_bag(bag)
     for delay_s in PATIENCE_S:
         second = replayed(programs, bag, again.with_name(f"{again.name}_{delay_s}"), space, delay_s)
@@ -155,7 +155,7 @@ def compare(programs: "Programs", bag: Path, again: Path, space: str) -> str:
 
 
 def replayed(programs: "Programs", bag: Path, again: Path, space: str, delay_s: int) -> Row:
-    """What the tracker in a namespace makes of a bag, recorded, read as any other bag is."""
+    """Replay a bag to the tracker in a namespace and record its output; returns the result as for any other bag."""
     again.parent.mkdir(exist_ok=True)
     played = [topic.name for topic in TO_TRACKER]
     heard = [topic.name for topic in (*TO_TRACKER, *FROM_TRACKER) if "image" not in topic.name]
@@ -174,7 +174,7 @@ def replayed(programs: "Programs", bag: Path, again: Path, space: str, delay_s: 
 
 
 def standing_s(bag: Path) -> float:
-    """A moment before the legs start, after the first message that is played: the bed's preparation is left out."""
+    """Start of the replay, shortly before the legs start [s after the first message], to skip the bed's preparation."""
     opened = Bag.open(bag)
     first_ns = min(
         int(opened.columns(topic.name).log_time_ns[0]) for topic in TO_TRACKER if topic.name in opened.topics
@@ -184,14 +184,14 @@ def standing_s(bag: Path) -> float:
 
 
 class Programs:
-    """What was started, each in a session of its own so that all of it can be ended."""
+    """The started programs, each in its own session, so that all of its processes can be ended."""
 
     def __init__(self, log: IO[str], stop: Stop) -> None:
         self._log, self._stop = log, stop
         self._running: list[subprocess.Popen[str]] = []
 
     def start(self, *command: str) -> "subprocess.Popen[str]":
-        """A program whose words go to the log."""
+        """Start a program whose output goes to the log."""
         self._running.append(
             subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=self._log, stderr=subprocess.STDOUT, text=True,
@@ -203,7 +203,7 @@ class Programs:
     def until(
         self, done: Callable[[], bool], limit_s: float, what: str, look: Callable[[], None] = lambda: time.sleep(LOOK_S)
     ) -> None:
-        """Wait, looking meanwhile; LiveFailed when it takes longer than the limit or somebody asks for an end."""
+        """Wait for a condition, polling meanwhile. Raises LiveFailed beyond the limit or on a request to end."""
         end = time.monotonic() + limit_s
         while not done():
             if self._stop.asked:
@@ -213,7 +213,7 @@ class Programs:
             look()
 
     def end(self, program: "subprocess.Popen[str]") -> None:
-        """Ctrl-C to the program and all it has started; by force where that is not enough."""
+        """Send Ctrl-C to the program and all it has started, then kill it if necessary."""
         for sign in (signal.SIGINT, signal.SIGKILL):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(program.pid, sign)
@@ -222,7 +222,7 @@ class Programs:
                 return
 
     def end_all(self) -> None:
-        """The last one first."""
+        """End all programs, the last one first."""
         for program in reversed(self._running):
             if program.poll() is None:
                 self.end(program)
@@ -235,7 +235,7 @@ class Watch:
         self._namespace, self._silent = namespace, set(others)
 
     def __enter__(self) -> "Watch":
-        # Ctrl-C is ours: what was started is to be ended.
+        # We handle Ctrl-C ourselves, to end the started programs.
         rclpy.init(args=["demo", *in_namespace(self._namespace)], signal_handler_options=SignalHandlerOptions.NO)
         with fresh_participant_number(rclpy.get_default_context().get_domain_id()):
             self._node = Node("demo")
@@ -250,17 +250,17 @@ class Watch:
 
     def __exit__(self, *_: object) -> None:
         self._print_rest()
-        # Not left to the interpreter's end: DDS threads can hold each other up for ever as other nodes come and go.
+        # Not left to the interpreter's exit, at which DDS threads can deadlock as other nodes come and go.
         self._node.destroy_node()
         rclpy.try_shutdown()
 
     @property
     def all_there(self) -> bool:
-        """Whether every other tracker was heard of."""
+        """Whether every other tracker has been heard."""
         return not self._silent
 
     def look(self) -> None:
-        """Whatever has come, at most one message of each."""
+        """Process pending messages, at most one of each topic."""
         rclpy.spin_once(self._node, timeout_sec=LOOK_S)
 
     def _on_trial(self, message: Any) -> None:

@@ -23,7 +23,7 @@ OFF, ON = ("slow_phase_speed", "belly_coast"), ("slow_phase_speed", "belly_coast
 
 
 def main(data: Path) -> int:
-    """Fit without and with disturbed ground, draw both beside each other."""
+    """Fit without and with disturbed ground, and draw both side by side."""
     trials = read(data)
     cells = cells_of(trials.select(trials.usable))
     fits = [fit(model_of("simple", names, catalogue(), cells.robot), cells) for names in (OFF, ON)]

@@ -1,4 +1,4 @@
-"""Put tools/trackway into the venv's bin, and tools/ros2 where the host has no real ros2; where it has, take ours away.
+"""Link tools/trackway into the venv's bin, and tools/ros2 if the host has no real ros2; if it has, remove our link.
 
 Idempotent.
 """
@@ -17,7 +17,7 @@ from ros2cli_fallback.main import real_ros2  # noqa: E402
 
 
 def install(binaries: Path) -> str:
-    """Link ``ros2`` in the folder ``binaries`` to the fallback, unless a real one is on the PATH; say what was done."""
+    """Link ``ros2`` in the folder ``binaries`` to the fallback, unless a real one is on the PATH; returns a message."""
     link = binaries / "ros2"
     ours = link.is_symlink() and link.resolve() == FALLBACK
     if not ours and (link.is_symlink() or link.exists()):
@@ -27,20 +27,20 @@ def install(binaries: Path) -> str:
         return f"ros2 is {real}" + ("; the fallback was taken away" if ours else "; no fallback needed")
     if ours:
         return "ros2 is the fallback already"
-    # Relative, so that the work tree can be moved as a whole.
+    # Relative, so that the work tree can be moved.
     link.symlink_to(os.path.relpath(FALLBACK, binaries))
     return f"no ros2 on the PATH; {link.name} in {binaries.name}/ is the project's fallback"
 
 
 def install_door(binaries: Path) -> None:
-    """Link ``trackway`` in the folder ``binaries``: it needs nothing sourced."""
+    """Link ``trackway``, which works without sourcing env.sh, in the folder ``binaries``."""
     link = binaries / DOOR.name
     link.unlink(missing_ok=True)
     link.symlink_to(os.path.relpath(DOOR, binaries))
 
 
 def main() -> int:
-    """Install for the interpreter that runs this."""
+    """Install into the venv of the running interpreter."""
     binaries = Path(sys.executable).parent
     install_door(binaries)
     print(f"trackway: {install(binaries)}")

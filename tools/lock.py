@@ -1,6 +1,6 @@
 """``make lock``: pin every wheel that requirements.in resolves to.
 
-Not ``pip freeze``: the ROS wheels carry metadata of packages that no registry has under those names.
+Not ``pip freeze``: the ROS wheels contain metadata of packages that are in no registry under those names.
 """
 
 import json

@@ -21,7 +21,7 @@ _FENCED = re.compile(r"^```python\n(?P<code>.*?)^```\n(?:\n?```text\n(?P<shown>.
 
 @dataclass(frozen=True)
 class Cell:
-    """A piece of the page: prose, or code with what it shows."""
+    """A piece of the page: prose, or code with its output."""
 
     prose: str = ""
     code: str = ""
@@ -29,7 +29,7 @@ class Cell:
 
 
 def cells(page: str) -> list[Cell]:
-    """The page cut into prose and code, in order."""
+    """The page split into prose and code, in order."""
     found, end = [], 0
     for match in _FENCED.finditer(page):
         found += [Cell(prose=page[end : match.start()].strip()), Cell(code=match["code"], shown=match["shown"] or "")]
@@ -39,7 +39,7 @@ def cells(page: str) -> list[Cell]:
 
 
 def run(code: str, names: dict[str, Any]) -> str:
-    """What a cell prints, and its last expression as a notebook would show it in text."""
+    """A cell's printed output, and its last expression as a notebook would show it in text."""
     body = ast.parse(code).body
     last = body.pop() if body and isinstance(body[-1], ast.Expr) else None
     printed = io.StringIO()
@@ -51,7 +51,7 @@ def run(code: str, names: dict[str, Any]) -> str:
 
 
 def page_of(parts: list[Cell]) -> str:
-    """The page again."""
+    """The page with the given cells."""
     pieces = [
         part.prose or f"```python\n{part.code}```" + (f"\n\n```text\n{part.shown}```" if part.shown else "")
         for part in parts

@@ -22,7 +22,7 @@ PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.m
 BEGINS = ("ros2 ", "make ", "source ", "cut ", "printf ", "trackway ", ".venv/bin/trackway ")
 SERVES_S = 25
 UNTIL_INTERRUPTED = ("ros2 launch", " explore ", "sandbot_hardware simulate", "trackway live")
-"""What runs until Ctrl-C, which it gets after ``SERVES_S``: by a part of the command."""
+"""Commands, identified by a part, that run until Ctrl-C, which is sent after ``SERVES_S``."""
 LONGER = ("trackway doctor", "sandbot_model atlas")
 """What is run for the page, and by tests of its own."""
 ELSEWHERE = {
@@ -34,11 +34,11 @@ ELSEWHERE = {
     "sandbot_model export": "wants bags; test_doors has one",
     "unseal": "wants a sealed campaign; README in full (make test-whole), test_until_verdict",
 }
-"""What is not run here, by a part of the command, and why."""
+"""Commands, identified by a part, that are not run here, with the reason."""
 
 
 def commands(page: Path) -> list[str]:
-    """What a page tells its reader to type, a line each."""
+    """The commands on a page, one per line."""
     lines = [line.strip() for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("    ")]
     typed = [line.split("  #")[0].rstrip() for line in lines if line.startswith(BEGINS)]
     return [line for line in typed if not line.endswith("\\")]
@@ -48,11 +48,11 @@ ALL = list(dict.fromkeys(line for page in PAGES for line in commands(page)))
 
 
 def one_of(parts: Sequence[str], line: str) -> bool:
-    """Whether a command has one of these parts."""
+    """Whether a command contains one of these parts."""
     return any(part in line for part in parts)
 
 
-# Of commands that differ in their folder only, the first.
+# Of commands that differ only in their folder, the first.
 QUICK = list(
     {
         re.sub(r"runs/\w+", "runs/x", line): line
@@ -76,7 +76,7 @@ def prepared(folder: Path) -> Path:
 
 
 def with_campaigns(folder: Path) -> Path:
-    """The same with every campaign that a page names."""
+    """The same, with all campaigns that the pages name."""
     head = "trial_id,phi,phi_sd,omega_rad_s,gait,replicate,speed_m_s"
     rows = [
         f"{phi}w{omega},{phi},0.001,{omega},UNIFORM,1,{0.012 * omega}" for phi in (0.59, 0.62) for omega in (6, 9, 12)
@@ -91,7 +91,7 @@ def as_typed(line: str) -> str:
     """A command with the reader's data for DATA; a campaign is checked to its last limit, not run."""
     line = re.sub(r"\bDATA\b", "runs/demo", line)
     if " campaign " in line and "--dry-run" not in line:
-        # Into a folder of its own: those that are there hold another campaign, which is refused.
+        # Into a new folder, as existing ones contain another campaign, which would be refused.
         line = re.sub(r"--out runs/\w+", "--out runs/new", line)
         line = f"{line.replace(' --plan first.json', '')} --dry-run"
     if one_of(UNTIL_INTERRUPTED, line):
@@ -115,7 +115,7 @@ def fresh_shell(lines: Sequence[str], folder: Path, timeout_s: float) -> dict[st
 
 
 def tried(lines: Sequence[str]) -> dict[str, int]:
-    """Exit codes of these commands, of those that are run here."""
+    """Exit codes of those of the commands that are run here."""
     run = [line for line in lines if not one_of(list(ELSEWHERE), line)]
     typed = ["source env.sh", *(as_typed(line) for line in run if line != "source env.sh")]
     with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +151,7 @@ def right(line: str, code: int) -> bool:
 
 
 def where(line: str) -> str:
-    """The pages that tell to type a command."""
+    """The pages that contain a command."""
     return ", ".join(path.name for path in PAGES if line in commands(path))
 
 
@@ -176,7 +176,7 @@ def rows_of(text: str) -> Iterator[tuple[str, str]]:
 
 
 def main() -> int:
-    """Write the page; 1 if a command did not end as it should."""
+    """Write the page; returns 1 if a command did not end as it should."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--new", action="store_true", help="run only the commands that are not on the page yet")
     known = {}

@@ -39,7 +39,7 @@ EXAMPLE = "examples/demo_trials.csv"
 
 
 def main() -> int:
-    """Write every page; say which."""
+    """Write every page, printing its name."""
     FOLDER.mkdir(exist_ok=True)
     (FOLDER / "drawings").mkdir(exist_ok=True)
     for name, text in (*pages(), *drawings()):
@@ -103,7 +103,7 @@ def commands() -> str:
 
 
 def help_of(name: str, command: Any) -> str:
-    """What ``--help`` prints, on lines of 100 columns."""
+    """The output of ``--help``, in lines of 100 columns."""
     said, before = io.StringIO(), (sys.argv, os.environ.get("COLUMNS"))
     sys.argv, os.environ["COLUMNS"] = [name], "100"
     try:
@@ -199,7 +199,7 @@ def schemas() -> str:
 
 
 def results() -> dict[str, list[dict[str, Any]]]:
-    """Results by command: an identified, an untested, an adequate, an ambiguous and a partial one have all there is."""
+    """Results by command; identified, untested, adequate, ambiguous and partial ones together have all keys."""
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.data.quality import checked
     from sandbot_model.discovery.compare import compare
@@ -246,17 +246,17 @@ _TYPES = {str: "text", bool: "true or false", int: "number", float: "number", ty
 
 
 def merged(contents: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
-    """Every key of several results and all that it holds in one of them, null first."""
+    """Every key of several results and the types of its values in any of them, null first."""
     found: dict[str, set[str]] = {}
     for content in contents:
         for key, kind in _paths(content):
             found.setdefault(key, set()).add(kind)
     inner = {key for key in found if any(other.startswith((f"{key}.", f"{key}[]")) for other in found)}
     for key in inner:
-        # What is in a list or an object has lines of its own.
+        # The contents of a list or an object have separate lines.
         found[key] = {"null", "object"} if "null" in found[key] else set()
     for key in found.keys() - inner:
-        # Of these only a number may be unknown.
+        # A value that is always null here is an unknown number.
         found[key] |= {"number"} if found[key] == {"null"} else set()
     return [
         (f"`{key}`", " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))

@@ -58,14 +58,14 @@ Act = Callable[[webdriver.Chrome], None]
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture: what is opened, how large, and what is done first."""
+    """One picture: the page, its size, and the actions before it is taken."""
 
     name: str
     query: str = ""
     size: tuple[int, int] = (1360, 1120)
     act: Act | None = None
     scroll_to: str = ""
-    """CSS selector of what stands at the top of the picture; empty: the top of the page."""
+    """CSS selector of the element at the top of the picture; empty: the top of the page."""
 
 
 def suggest(driver: webdriver.Chrome) -> None:
@@ -131,7 +131,7 @@ def main() -> int:
         else:
             campaign(data)
         report = data.parent / "report.html"
-        # Named as from its folder: the report shows its command.
+        # A relative name, as the report shows its command.
         shown = ("compare", data.name, "--effects", HIDDEN, "--html", report.name, "--title", TITLE)
         ros2("sandbot_model", *shown, cwd=data.parent)
         with explorer(data) as address:
@@ -194,7 +194,7 @@ def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str, folder:
     WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(ready))
     if shot.act is not None:
         shot.act(driver)
-    # Two frames later everything asked for is painted.
+    # After two frames everything is painted.
     driver.execute_async_script(
         "requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(arguments[0], 400)))"
     )
@@ -204,7 +204,7 @@ def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str, folder:
 
 
 def look(driver: webdriver.Chrome, colours: str, size: tuple[int, int]) -> None:
-    """What a page is told of the reader's screen."""
+    """Emulate the reader's screen and colour scheme."""
     scheme = [{"name": "prefers-color-scheme", "value": colours}]
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
     metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
@@ -212,7 +212,7 @@ def look(driver: webdriver.Chrome, colours: str, size: tuple[int, int]) -> None:
 
 
 def save(driver: webdriver.Chrome, path: Path) -> None:
-    """What the browser shows, in few colours."""
+    """Save the browser's view with a reduced palette."""
     picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
     print(f"{path.relative_to(OUT)}: {path.stat().st_size // 1024} kB")

@@ -1,4 +1,4 @@
-"""A speed as it comes, as lines of text: half a second a line, 20 ms a column; the same on a terminal and in a log."""
+"""Plots a live speed as lines of text, half a second per line and 20 ms per column, for a terminal or a log."""
 
 import math
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ LINE_S, COLUMNS, TOP_M_S = 0.5, 25, 0.3
 
 
 class SpeedPlot:
-    """Gathers speeds and says when a line of them is full."""
+    """Collects speeds and returns each line when it is full."""
 
     def __init__(self) -> None:
         self._begun_s: float | None = None
@@ -17,13 +17,13 @@ class SpeedPlot:
         self._line = 0
 
     def add(self, t_s: float, v_m_s: float) -> Iterator[str]:
-        """The lines that are full now that this speed has come; time begins with the first.
+        """Add a speed; returns the lines that are now full. Time counts from the first speed.
 
         One that is not a number, as where a marker was hidden or its frame was late, leaves a gap.
         """
         if self._begun_s is None:
             self._begun_s = t_s
-        # Rounded: 0.58 s after the first is the 29th column, whatever the stamps' last digits.
+        # Rounded: 0.58 s after the first is the 29th column, despite rounding errors of the stamps.
         place = int(round((t_s - self._begun_s) * COLUMNS / LINE_S, 6))
         while place // COLUMNS > self._line:
             yield from self.rest()
@@ -32,7 +32,7 @@ class SpeedPlot:
             self._columns[place % COLUMNS].append(v_m_s)
 
     def rest(self) -> Iterator[str]:
-        """The line that is not full yet, if anything stands in it."""
+        """The last, incomplete line, if it is not empty."""
         speeds = [v for column in self._columns for v in column]
         if speeds:
             bars = "".join(_bar(column) for column in self._columns)
@@ -43,6 +43,6 @@ class SpeedPlot:
 def _bar(speeds: list[float]) -> str:
     if not speeds:
         return BLOCKS[0]
-    # What is measured is never blank: at rest a column has the lowest block.
+    # A measured speed is never blank: at rest a column has the lowest block.
     height = (len(BLOCKS) - 1) * sum(speeds) / len(speeds) / TOP_M_S
     return BLOCKS[min(max(round(height), 1), len(BLOCKS) - 1)]

@@ -1,4 +1,4 @@
-"""Compile the numba kernels once, as part of the set-up, so that no first run waits a minute for them.
+"""Compile the numba kernels during set-up, so that the first run does not wait a minute for them.
 
 One short trial of the virtual lab goes through the compiled kernels: dynamics, drawing, tracking, folding. What no such
 campaign uses is called by itself: the smoother of a video's track, the lab's other ground, a search for effects.
@@ -32,7 +32,7 @@ images: none
 
 
 def main() -> int:
-    """Run the trial in a temporary folder, and the others."""
+    """Run a trial in a temporary folder, and the other kernels."""
     t_s = 0.01 * np.arange(200)
     simulate(World(resistive=ResistiveGround()), 0.6, t_s[:2], np.zeros((2, 6)), np.zeros((2, 6)), seed=1)
     smooth(t_s, 0.2 * t_s + 1e-5 * np.sin(1e3 * t_s))

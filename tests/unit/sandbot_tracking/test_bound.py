@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pictures import Film
 
-from sandbot_tracking.bed import LEAST, MOST, StillBed, learnt
-from sandbot_tracking.marker_tracker import LOOK_EVERY, MarkerTracker
+from sandbot_tracking.bed import MAX_FRAMES, MIN_FRAMES, StillBed, background
+from sandbot_tracking.marker_tracker import LEARN_EVERY, MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
 
 pytestmark = pytest.mark.slow  # together seconds
@@ -51,7 +51,7 @@ def unknown(_rng, _film, _bed):
 
 
 def empty_frames(rng, film, bed):
-    return learnt(film.expose(rng, bed) for _ in range(25))
+    return background(film.expose(rng, bed) for _ in range(25))
 
 
 def stirred_up(rng, film, _bed):
@@ -167,11 +167,11 @@ def test_a_glare_is_no_disc_and_hides_none():
 def test_a_bed_is_learnt_around_markers_and_forgotten():
     bed, none = StillBed(), np.empty((0, 2))
     frame = np.full((60, 80), 50, np.uint8)
-    for _ in range(LEAST):
+    for _ in range(MIN_FRAMES):
         bed.see(frame, np.array([[40.0, 30.0]]), np.array([5.0]))
     assert np.isnan(bed.picture[30, 40])
     assert bed.picture[30, 60] == 50.0
-    for _ in range(3 * MOST):
+    for _ in range(3 * MAX_FRAMES):
         bed.see(np.full((60, 80), 90, np.uint8), none, np.empty(0))
     assert bed.picture[30, 40] == 90.0
     assert bed.picture[30, 60] == pytest.approx(90.0, abs=4.0)
@@ -181,12 +181,12 @@ def test_a_tracker_learns_the_bed_its_marker_walks_into():
     """The film itself is enough: after a while of standing, steps onto ground seen before are at the camera's bound."""
     rng, film = np.random.default_rng(8), Film(shape=(64, 240), grain=14.0)
     bed, tracker, off = film.bed(rng), MarkerTracker(("com",)), []
-    x = np.concatenate((np.full(LOOK_EVERY * LEAST + 4, 40.0), 40.0 + np.linspace(0, 150, 120)))
+    x = np.concatenate((np.full(LEARN_EVERY * MIN_FRAMES + 4, 40.0), 40.0 + np.linspace(0, 150, 120)))
     for place in x:
         image = bed.copy()
         film.add(image, place, 32.0, RADIUS)
         off.append(tracker.update(film.expose(rng, image)).xy_px[0, 0] - place)
-    standing, walking = off[: LOOK_EVERY * LEAST], off[-100:]
+    standing, walking = off[: LEARN_EVERY * MIN_FRAMES], off[-100:]
     assert abs(np.mean(standing)) < 0.08
     assert rms(walking) < 1.3 * BOUND_PX
     without = [off for place in x[-100:] for off in _alone(film, rng, bed, place)]

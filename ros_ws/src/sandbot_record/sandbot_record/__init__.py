@@ -6,20 +6,20 @@
     sandbot_record.read_trials("runs/demo").to_frame()
 
 bags/             (knows nothing of trials)
-  reader          read, Bag: topics, counts, provenance, messages, whole or torn
+  reader          read, Bag: topics, counts, provenance and messages of an intact or truncated bag
   columns         equal-length messages of one topic as numpy columns
-  writer          BagWriter: a bag folder, written whole or recoverable
+  writer          BagWriter: a bag folder, written atomically or recoverably
   recording       the recorder without ROS: queue, writer thread, split, free space, counts
   playback        the replay without ROS: order, pace, pause, seek, loop
-  recover         a torn or damaged bag into a new whole one
+  recover         copies everything intact in a truncated or damaged bag to a new, complete one
   frames, video   images: pixels of a raw message, JPEG messages, frames in a video file
   interfaces      message types: definition, type hash, decoding (rosbags' type store; no ROS needed)
   definitions     which channel of a file is which topic
   metadata        metadata.yaml (rosbag2 version 9)
-  mcap_writer, mcap_scan   one .mcap file: out, in chunks that survive a crash; in, block by block
-  foreign         bags of other storages and encodings, by way of rosbags
+  mcap_writer, mcap_scan   one .mcap file: written in chunks that survive a crash; read block by block
+  foreign         bags of other storages and encodings, read through rosbags
 trials/
-  read            read_trials: a campaign folder, bags or CSV files to one table
+  read            read_trials: one table from a campaign folder, bags or CSV files
   table           Trials: one row a trial
   csv_table       the table as CSV
   from_bags       one bag to one row; a campaign to a table, in parallel, cached

@@ -1,8 +1,8 @@
-"""The grains as they lie, learnt from frames: what the marker hides is known if it was seen before.
+"""The background of grains, learnt from frames before a marker hides it.
 
-Grains behind a disc's rim, not the camera's noise, limit where it is (benchmarks/tracking.md). A fixed camera sees them
-before the marker comes: each pixel's mean over the last looks without a marker near it. Looks are forgotten, so a bed
-that feet stir up is learnt anew; until then disc.py notices that it is no longer so.
+Grains behind a disc's rim, not the camera's noise, limit the accuracy of its centre (benchmarks/tracking.md). A fixed
+camera sees them before the marker comes: the background is each pixel's running mean over frames without a marker near
+it. Old frames are forgotten, so a bed disturbed by feet is learnt again; until then disc.py detects the mismatch.
 """
 
 from collections.abc import Iterable
@@ -15,26 +15,26 @@ Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 Picture = NDArray[np.float32]
 
-LEAST, MOST = 8, 40
-"""Looks after which a pixel is known, and over how many its mean runs."""
+MIN_FRAMES, MAX_FRAMES = 8, 40
+"""Frames after which a pixel's background is known, and over which its mean runs."""
 MARGIN_PX = 6.0
-"""Beyond a marker's rim its light is still felt, and it may have moved."""
+"""Margin around a marker's rim, for its scattered light and its motion."""
 BAND_PX = 24.0
-"""Rows so far from the markers are not kept up: they are not needed next, and a whole frame costs time."""
+"""Rows farther than this from the markers are not updated: they are not needed soon, and a whole frame costs time."""
 
 
 class StillBed:
-    """A running picture of the bed; ``picture`` is NaN where it is not known, and empty before the first frame."""
+    """The running background; ``picture`` is NaN where it is unknown, and empty before the first frame."""
 
     def __init__(self) -> None:
         self.picture: Picture = np.empty((0, 0), np.float32)
         self._mean: Picture = self.picture
-        self._looks: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
+        self._counts: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
 
     def see(self, frame: Frame, markers: Floats, radii: Floats) -> None:
-        """Learn from a frame with markers at (n, 2) of radii (n,) [px]: rows near them, or all where there are none."""
+        """Learn from a frame with markers at (n, 2) of radii (n,) [px]: rows near them, or all if there are none."""
         if self._mean.shape != frame.shape:
-            self._mean, self._looks = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.uint8)
+            self._mean, self._counts = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.uint8)
             self.picture = np.full(frame.shape, np.nan, np.float32)
         known = np.isfinite(markers[:, 0])
         xy, reach = np.ascontiguousarray(markers[known]), radii[known] + MARGIN_PX
@@ -42,11 +42,11 @@ class StillBed:
         if len(xy):
             top = max(0, int((xy[:, 1] - reach).min() - BAND_PX))
             bottom = min(bottom, int((xy[:, 1] + reach).max() + BAND_PX) + 1)
-        _learn(frame, self._mean, self._looks, self.picture, xy, reach, top, bottom)
+        _learn(frame, self._mean, self._counts, self.picture, xy, reach, top, bottom)
 
 
-def learnt(frames: Iterable[Frame]) -> Picture:
-    """The picture of a bed from frames without markers, LEAST at least."""
+def background(frames: Iterable[Frame]) -> Picture:
+    """The background from frames without markers, at least MIN_FRAMES of them."""
     bed = StillBed()
     for frame in frames:
         bed.see(frame, np.empty((0, 2)), np.empty(0))
@@ -54,7 +54,7 @@ def learnt(frames: Iterable[Frame]) -> Picture:
 
 
 @numba.njit(cache=True)
-def _learn(frame, mean, looks, picture, xy, reach, top, bottom):  # type: ignore[no-untyped-def]
+def _learn(frame, mean, counts, picture, xy, reach, top, bottom):  # type: ignore[no-untyped-def]
     hidden = np.empty(frame.shape[1], np.bool_)
     for row in range(top, bottom):
         hidden[:] = False
@@ -66,8 +66,8 @@ def _learn(frame, mean, looks, picture, xy, reach, top, bottom):  # type: ignore
         for column in range(frame.shape[1]):
             if hidden[column]:
                 continue
-            count = min(looks[row, column] + 1, MOST)
-            looks[row, column] = count
+            count = min(counts[row, column] + 1, MAX_FRAMES)
+            counts[row, column] = count
             mean[row, column] += (frame[row, column] - mean[row, column]) / np.float32(count)
-            if count >= LEAST:
+            if count >= MIN_FRAMES:
                 picture[row, column] = mean[row, column]

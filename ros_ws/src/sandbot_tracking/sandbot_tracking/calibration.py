@@ -1,8 +1,8 @@
 """Pixels to metres and back: a pinhole camera with lens distortion that looks at a plane of the trackway.
 
-A camera sees rays, not points. What turns a pixel into metres is knowing the plane its marker moves in: z = offset for
-the dorsal camera, y = offset for the lateral one. The dorsal marker rides on the body, so its plane rises with the lift
-(``to_plane(..., offset_m)``); left uncorrected the parallax is about x·lift/Z.
+A camera sees rays, not points: to convert a pixel to metres, the plane in which its marker moves must be known: z =
+offset for the dorsal camera, y = offset for the lateral one. The dorsal marker is on the body, so its plane rises with
+the lift (``to_plane(..., offset_m)``); without this correction the parallax is about x·lift/Z.
 
 Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to camera axes (its rows are the camera's
 axes). Lens model: OpenCV's (k1, k2, p1, p2, k3).
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 NORMALS = {"x": 0, "y": 1, "z": 2}
 LOW_HZ, HIGH_HZ = 0.1, 10000.0
-"""Between which a frame rate is one."""
+"""Range of plausible frame rates."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Camera:
     exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=10.0)
     led_region: tuple[int, ...] | None = parameter(None, unit="px", doc="x, y, width, height of the sync LED", low=0)
     rate_is_known: bool = True
-    """False where nobody gave ``frame_rate_hz``: then a film knows it better than the default."""
+    """False if ``frame_rate_hz`` was not given: a film's own rate then takes precedence over the default."""
 
     def __post_init__(self) -> None:
         rotation = np.asarray(self.rotation, dtype=float)
@@ -173,9 +173,9 @@ def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
 
 
 def cameras_from_mapping(content: Any, where: str) -> dict[str, Camera]:
-    """Cameras by name from a mapping of camera mappings, and perhaps their accuracy, which is only checked here.
+    """Cameras by name from a mapping of camera mappings; an accuracy section is only checked.
 
-    ``where`` opens every error. Raises InputError.
+    ``where`` is the prefix of every error. Raises InputError.
     """
     if not isinstance(content, Mapping) or not content:
         raise InputError(f"{where}: expected cameras by name (dorsal, lateral), got {content!r}")

@@ -1,38 +1,38 @@
-"""One camera's clock against the robot's: near enough by when its frames arrive, to a frame by the sync LED.
+"""The offset of a camera's clock from the robot's: roughly from the frames' arrival, to a frame from the sync LED.
 
-The LED goes on at robot time T, which /sync_led tells. In the frames it is off at t₀ and on at t₁ (camera time, middle
+The LED goes on at robot time T, published on /sync_led. In the frames it is off at t₀ and on at t₁ (camera time, middle
 of the exposure e), so robot time = camera time + offset with
 
     T - t₁ - e/2  ≤  offset  ≤  T - t₀ + e/2.
 
-Every edge gives such an interval; the offset lies in all of them, but for drift. Stamps that agree with the robot's
-clock (0 is in the interval) are taken as they are, else the offset is the middle of what the intervals leave.
+Every edge gives such an interval; apart from drift, the offset lies in all of them. If stamps agree with the robot's
+clock (0 is in the interval) the offset is 0, else it is the middle of the intervals' intersection.
 """
 
 NANO = 1_000_000_000
 NEAR_NS = NANO // 2
-"""A frame whose stamp is this close to the robot's time when it arrives is taken to be stamped by the same clock."""
+"""A frame whose stamp is this close to the robot's time on arrival is assumed to be stamped by the same clock."""
 PATIENCE_NS = 10 * NANO
-"""Camera time within which both signs of a flash must come: clocks may differ, arrival by less than this."""
+"""Camera time within which both the announcement of a flash and the flash itself must arrive."""
 ARRIVALS = 20
-"""So many frames tell the offset of a clock that no LED will ever tell."""
+"""Frames from whose arrival the offset of a camera without an LED is estimated."""
 SET_NS = NANO
-"""A clock that goes back by more than this, or comes so much earlier than any frame before, was set."""
+"""A clock that goes back, or runs ahead of the arrival of all earlier frames, by more than this was set."""
 DRIFT = 1e-4
-"""Two clocks drift apart by less than this share of time."""
+"""Largest relative drift between two clocks."""
 
 
 class CameraClock:
-    """Fed every frame's stamp and every LED edge; ``placed`` says whether ``offset_ns`` may be trusted."""
+    """Estimates the offset from every frame's stamp and every LED edge; ``placed``: ``offset_ns`` is known."""
 
     def __init__(self, period_s: float, exposure_s: float, *, led: bool = True) -> None:
-        """``led``: whether the camera has the sync LED in view, which tells its offset in the end."""
+        """``led``: whether the camera has the sync LED in view."""
         self._has_led = led
         self._period_ns, self._half_exposure_ns = round(period_s * NANO), round(exposure_s * NANO / 2)
         self.placed = False
         self.offset_ns = 0
         self.edges = self.missed = self.unannounced = self.jumps = 0
-        """LED edges seen and announced; announced but not seen; seen but not announced; contradicting earlier ones."""
+        """LED edges both seen and announced; announced only; seen only; contradicting earlier ones."""
         self.warning = ""
         self._restart()
 
@@ -43,15 +43,15 @@ class CameraClock:
         self._first_ns: int | None = None
         self._last: tuple[int, bool] | None = None
         self._ahead_ns = 0
-        """Stamp less arrival, of the frame that was least under way: a busy host hears frames seconds late."""
+        """Largest stamp minus arrival time, i.e. of the frame with the least delay: a busy host may be seconds late."""
         self._bounds: tuple[int, int, int] | None = None
         self._announced: tuple[int, int | None] | None = None
-        """Robot time of the announced edge, and the stamp of the first frame in which it is awaited."""
+        """Robot time of the announced edge, and the stamp of the first frame after the announcement."""
         self._seen: tuple[int, int] | None = None
 
     @property
     def half_width_ns(self) -> int | None:
-        """Uncertainty of the offset, to either side; None before the first LED edge."""
+        """Half-width of the offset's interval; None before the first LED edge."""
         return None if self._bounds is None else (self._bounds[1] - self._bounds[0]) // 2
 
     def led(self, robot_ns: int) -> None:
@@ -62,8 +62,8 @@ class CameraClock:
         self._match()
 
     def frame(self, t_ns: int, received_ns: int, robot_ns: int | None, lit: bool) -> None:
-        """A frame of this stamp, received at a time of the host's clock when the robot's clock showed ``robot_ns``
-        (None: not heard of yet), with the LED lit or not.
+        """A frame of this stamp, received at a time of the host's clock when the robot's clock was ``robot_ns`` (None:
+        unknown so far), with the LED lit or not.
         """
         ahead_ns = t_ns - received_ns
         if self._last is not None:
@@ -84,14 +84,14 @@ class CameraClock:
         self._last = t_ns, lit
         self._match()
         if not self._synced:
-            self._judge(t_ns, robot_ns)
+            self._place_without_led(t_ns, robot_ns)
         self._give_up(t_ns)
 
-    def _judge(self, t_ns: int, robot_ns: int | None) -> None:
-        """Before any LED edge: whose clock is this?"""
+    def _place_without_led(self, t_ns: int, robot_ns: int | None) -> None:
+        """Before the first LED edge: find out whether this is the robot's clock."""
         assert self._first_ns is not None
         if robot_ns is None:
-            # A camera without a robot has nothing to agree with; before its patience ends one may yet be heard.
+            # Without a robot there is no clock to compare with; wait a while in case one is heard.
             self.placed = t_ns - self._first_ns > PATIENCE_NS
             return
         self._near = self._near or abs(robot_ns - t_ns) <= NEAR_NS
@@ -105,7 +105,7 @@ class CameraClock:
             self.warning = ""
 
     def _place_by_arrival(self, behind_ns: int) -> None:
-        """No LED will ever tell: the frame that was least under way is nearest to the clocks' offset."""
+        """Without an LED, the frame with the least delay gives the best estimate of the offset."""
         self._arrivals = [*self._arrivals, behind_ns][-ARRIVALS:]
         if len(self._arrivals) == ARRIVALS and not self.placed:
             self.placed, self.offset_ns = True, min(self._arrivals)
@@ -116,7 +116,7 @@ class CameraClock:
             return
         announced_ns = self._announced[0]
         if self.placed and self._first_ns + self.offset_ns > announced_ns - self._period_ns:
-            # The camera began after the flash, so it never saw the LED go on.
+            # The camera started after the flash, so it never saw the LED go on.
             self._announced = None
         elif self._seen is not None:
             (dark, bright), self._seen = self._seen, None
@@ -139,7 +139,7 @@ class CameraClock:
                 self.jumps += 1
                 self.warning = f"LED edges disagree: the clock jumped by {(both[0] - both[1]) * 1e-6:.0f} ms or more"
         self._bounds = low, high, announced_ns
-        # Where the camera was stopped before the flash, the LED was dark in a frame of long ago.
+        # If the camera was stopped before the flash, the last dark frame is old and the interval too wide.
         likely = low + min(high - low, self._period_ns + 2 * self._half_exposure_ns)
         self.offset_ns = 0 if low <= 0 <= high else (low + likely) // 2
         self.placed = self._synced = True

@@ -1,9 +1,9 @@
-"""The camera node: a video file or device to image_raw and camera_info.
+"""The camera node: publishes a video file or device on image_raw and camera_info.
 
-A frame's stamp is the middle of its exposure. A device's frame is stamped when it was received, less half the exposure;
-what its readout and transport take besides, the sync LED tells the tracker. A film's frame is stamped by film time,
-k / rate after its start, however late a busy machine publishes it: when it was taken does not depend on this machine.
-A film starts once somebody has listened for a second, so that its first frames are heard.
+A frame's stamp is the middle of its exposure. A device's frame is stamped with the time it was received minus half the
+exposure; the tracker finds the additional delay of readout and transport from the sync LED. A film's frame is stamped
+by film time, k / rate after its start, however late a busy machine publishes it. A film starts once it has had a
+subscriber for a second, so that no frame is missed.
 """
 
 import time
@@ -45,7 +45,7 @@ class CameraNode(Node):
         self._start_ns = 0
         self._heard_s: float | None = None
         self._health = node.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
-        # Reading a device waits for its next frame: asked twice as often as frames come, the camera sets the pace.
+        # Reading a device blocks until its next frame: polled at twice the frame rate, the camera sets the pace.
         wait_s = self._period_s / 2 if self._source.is_device else self._period_s / given.playback
         self._timer = self.create_timer(wait_s, self._next)
 
@@ -54,7 +54,7 @@ class CameraNode(Node):
             self._health.text = "waiting for somebody to listen"
             return
         frame = self._source.read()
-        if frame is None and self._source.is_device:  # unplugged; should it be back, frames come again
+        if frame is None and self._source.is_device:  # unplugged; frames resume once it is back
             self._health.level, self._health.text = 2, "the device gives no frames"
             return
         if frame is None:
@@ -70,7 +70,7 @@ class CameraNode(Node):
             self._camera_info.publish(self._info)
 
     def _is_heard(self) -> bool:
-        """Whether somebody has listened for a second: the listener finds this node a little later than it is found."""
+        """Whether there has been a subscriber for a second, by when it has discovered this node, too."""
         if not self._image.get_subscription_count():
             self._heard_s = None
             return False

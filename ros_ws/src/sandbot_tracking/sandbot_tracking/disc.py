@@ -1,13 +1,13 @@
-"""One disc measured to what the camera's noise allows: levels, then shape, then its rim.
+"""Measures one disc at the limit of the camera's noise: levels, then shape, then its rim.
 
-The picture is the disc's grey A over the ground g: I = g + (A - g) c, with c of rim.py. The ground is level on the ring
-around the disc, or what is known of the bed, under the ring's light. What is left of the ring beyond the noise inside
-the disc is grain: rim pixels weigh 1 / (noise + (1 - c)² grain), so a bed that is no longer as it was learnt costs
-accuracy and says so.
+Image model: the disc's grey level A over the background g, I = g + (A - g) c, with c of rim.py. The background is
+either uniform on the ring around the disc, or the learnt one (bed.py) scaled to the ring. The residual variance of the
+ring beyond the noise inside the disc is called grain: rim pixels are weighted by 1 / (noise + (1 - c)² grain), so a bed
+that has changed since it was learnt increases the reported variance.
 
-From the middle of its bright pixels, Gauss-Newton's steps on the rim give the centre; by the disc's symmetry errors of
-A, radius and blur do not shift it. Where the rim is none of a disc's (smeared, half hidden) a weighted centroid with a
-soft threshold stands in.
+Starting from the centroid of the bright pixels, Gauss-Newton steps on the rim give the centre; by the disc's symmetry,
+errors of A, radius and blur do not shift it. If the rim is not that of a disc (smeared, half hidden), a weighted
+centroid with a soft threshold is used instead.
 """
 
 import numba
@@ -16,34 +16,35 @@ import numpy as np
 from sandbot_tracking.rim import BLUR_STEP_PX, BLURS, DIRECTIONS, REACH_PX, STEPS_A_PX
 
 LOW, HIGH = 0.25, 0.9
-"""The centroid's soft threshold: parts of the contrast at which a pixel's weight leaves 0 and reaches 1."""
+"""The centroid's soft threshold: fractions of the contrast at which a pixel's weight leaves 0 and reaches 1."""
 
 SAMPLING_PX3 = 9e-4
 """Variance times radius [px² px] of the centroid of a noise-free disc: its rim falls on a finite number of pixels."""
 
 STEPS, SETTLED_PX = 3, 0.05
-"""Gauss-Newton's steps at most; the error after one is about the square of its length over the rim's width."""
+"""Largest number of Gauss-Newton steps, and the step length [px] at which they stop: the error after a step is about
+the square of its length over the rim's width."""
 RING_PX = 4.0
-"""How far beyond the rim the ground is looked at."""
-LEAST_CONTRAST = 10.0
-LEAST_NOISE = 1.0 / 12.0
+"""Width of the ring beyond the rim on which the background is measured."""
+MIN_CONTRAST = 10.0
+MIN_NOISE = 1.0 / 12.0
 """Variance of rounding to grey levels."""
-CLEARLY = 9.0
-"""Gain in χ² from which a second number for the ground is believed."""
-FARTHEST_PX = 0.5
-"""The rim's centre is no disc's if it is so far from the centroid."""
-NO_DISC = 4.0
-"""Mean squared residual of the rim, in its expected variance, from which the centroid is the better centre."""
+MIN_GAIN = 9.0
+"""Gain in χ² from which the background has a second parameter."""
+MAX_SHIFT_PX = 0.5
+"""Largest distance of the rim's centre from the centroid."""
+MAX_MISFIT = 4.0
+"""Mean squared residual of the rim, in units of its expected variance, from which the centroid is used."""
 
-# What a row holds, in order.
+# Columns of a row.
 X, Y, VAR_X, VAR_Y, RADIUS, GREY_STEP, ELONGATION = range(7)
-# Where these two stand in what `_ground` returns.
+# Indices into the result of `_ground`.
 LEVEL, CONTRAST = 0, 6
 
 
 @numba.njit(cache=True)
 def follow(frame, bed, table, places, radii, gates):  # type: ignore[no-untyped-def]
-    """A row for each of places (n, 2) [px] with its radius and gate (n,) [px]. ``bed`` (0, 0) where none is known."""
+    """A row for each of places (n, 2) [px] with its radius and gate (n,) [px]. ``bed``: (0, 0) if unknown."""
     rows = np.empty((places.shape[0], 7))
     for i in range(places.shape[0]):
         _measure(frame, bed, table, places[i, 0], places[i, 1], radii[i], gates[i], rows[i])
@@ -61,12 +62,12 @@ def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-unt
     top, bottom = max(0, round(y) - reach), min(height, round(y) + reach + 1)
     if right - left < 5 or bottom - top < 5:
         return
-    # A rough look needs some of the pixels only.
+    # A rough estimate needs only some of the pixels.
     stride = max(1, min(4, int(0.4 * radius)))
     bright, dark = _levels(frame, left, right, top, bottom, stride, radius)
-    if bright - dark < LEAST_CONTRAST:
+    if bright - dark < MIN_CONTRAST:
         return
-    # The rough centre of all that is in the gate; then the disc alone: nothing else weighs in.
+    # First the rough centroid of everything in the gate, then of the disc alone.
     cx, cy, area = _centroid(frame, left, right, top, bottom, stride, x, y, 1e9, dark, bright)
     for _ in range(2):
         if area <= 0.0:
@@ -77,12 +78,12 @@ def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-unt
         return
     if cx - radius < 1.0 or cy - radius < 1.0 or cx + radius > width - 2.0 or cy + radius > height - 2.0:
         return
-    _settle(frame, bed, table, cx, cy, radius, row)
+    _refine(frame, bed, table, cx, cy, radius, row)
 
 
 @numba.njit(cache=True)
 def _levels(frame, left, right, top, bottom, stride, radius):  # type: ignore[no-untyped-def]
-    """Grey level of the disc and of the ground: mean of the region's brightest pixels, and its median."""
+    """Grey level of the disc and of the background: mean of the region's brightest pixels, and its median."""
     counts = np.zeros(256, np.int32)
     total = 0
     for r in range(top, bottom, stride):
@@ -133,24 +134,24 @@ def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bri
 
 
 @numba.njit(cache=True)
-def _settle(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-def]
+def _refine(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-def]
     """The row of a disc whose centre is known to a fraction of a pixel."""
     brightest = _brightest(bed, cx, cy, radius + RING_PX)
     if np.isnan(brightest):
         bed = bed[:0]
     ground = _ground(frame, bed, cx, cy, radius)
     if brightest > ground[LEVEL] - 0.5 * ground[CONTRAST]:
-        # Brighter than grains are: a marker that went unnoticed was taken for bed.
+        # Brighter than any grains: an unnoticed marker was learnt as background.
         bed = bed[:0]
         ground = _ground(frame, bed, cx, cy, radius)
-    if ground[CONTRAST] < LEAST_CONTRAST:
+    if ground[CONTRAST] < MIN_CONTRAST:
         return
     x, y, seen, blur, elongation = _shape(frame, bed, ground, cx, cy, radius)
     if seen <= 0.0:
         return
     row[X], row[Y], row[RADIUS], row[GREY_STEP], row[ELONGATION] = x, y, seen, ground[CONTRAST], elongation
     if blur > BLUR_STEP_PX * (BLURS - 1) or not _rim(frame, bed, table, ground, blur, row):
-        _centre(frame, bed, ground, row)
+        _soft_centroid(frame, bed, ground, row)
 
 
 @numba.njit(cache=True)
@@ -161,7 +162,7 @@ def _box(shape, cx, cy, reach):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _brightest(bed, cx, cy, reach):  # type: ignore[no-untyped-def]
-    """The bed's highest level under a disc and its ring; NaN where some of it is not known."""
+    """The bed's highest level under a disc and its ring; NaN if part of it is unknown."""
     left, right, top, bottom = _box(bed.shape, cx, cy, reach)
     total, brightest = 0.0, np.nan
     for r in range(top, bottom):
@@ -180,9 +181,9 @@ def _chord(width, x, square):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def _ground(frame, bed, cx, cy, radius):  # type: ignore[no-untyped-def]
-    """Disc's grey, noise variance, α, β, grain's variance, its correlation between neighbours, contrast (0: no disc).
+    """Disc's grey level, noise variance, α, β, grain variance and its correlation between neighbours, contrast (or 0).
 
-    Noise is what is seen inside the disc; grain is what the ring around it has beyond that.
+    The background is α + β bed. Noise is the variance inside the disc; grain is the additional variance of the ring.
     """
     _, _, top, bottom = _box(frame.shape, cx, cy, radius + RING_PX)
     width, known = frame.shape[1], bed.shape[0] > 0
@@ -216,20 +217,20 @@ def _ground(frame, bed, cx, cy, radius):  # type: ignore[no-untyped-def]
     if n_in < 4 or n < 8:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     level = sum_in / n_in
-    noise = max(square_in / n_in - level * level, LEAST_NOISE)
+    noise = max(square_in / n_in - level * level, MIN_NOISE)
     alpha, beta, rest = _fitted(n, v, vv, b, bb, vb)
     grain = max(rest / (n - 2.0) - noise, 0.0)
     # The sum of (v - α - β b)(v' - α - β b') over neighbours, from its parts.
-    together = vv2 - alpha * v2 + pairs * alpha * alpha - beta * (vb2 - alpha * b2) + beta * beta * bb2
-    rho = together / max(pairs, 1.0) / grain if grain > 0.05 * noise else 0.0
+    product = vv2 - alpha * v2 + pairs * alpha * alpha - beta * (vb2 - alpha * b2) + beta * beta * bb2
+    rho = product / max(pairs, 1.0) / grain if grain > 0.05 * noise else 0.0
     return level, noise, alpha, beta, grain, rho, level - v / n
 
 
 @numba.njit(cache=True)
 def _fitted(n, v, vv, b, bb, vb):  # type: ignore[no-untyped-def]
-    """α, β and the sum of squares left, from a ring's sums over its picture v and the bed b.
+    """α, β and the residual sum of squares, from a ring's sums over its pixels v and the bed b.
 
-    The ring is level, or the bed under another light (one number each); both only if that is clearly better.
+    The ring is uniform (α) or the bed under another illumination (β); both only if χ² gains MIN_GAIN.
     """
     alpha, beta, rest = v / n, 0.0, vv - v * v / n
     if bb <= 0.0:
@@ -238,20 +239,20 @@ def _fitted(n, v, vv, b, bb, vb):  # type: ignore[no-untyped-def]
     if vv - light * vb < rest:
         alpha, beta, rest = 0.0, light, vv - light * vb
     texture, shared = bb - b * b / n, vb - v * b / n
-    if texture > n * LEAST_NOISE and shared > 0.0:
+    if texture > n * MIN_NOISE and shared > 0.0:
         slope = shared / texture
         left = vv - v * v / n - slope * shared
-        if rest - left > CLEARLY * left / n:
+        if rest - left > MIN_GAIN * left / n:
             alpha, beta, rest = (v - slope * b) / n, slope, left
     return alpha, beta, rest
 
 
 @numba.njit(cache=True)
-def _crowd(rho, blur):  # type: ignore[no-untyped-def]
-    """How many times its variance grain counts on a rim if neighbours are correlated by ρ: it does not average out.
+def _correlation_factor(rho, blur):  # type: ignore[no-untyped-def]
+    """Factor by which correlation ρ between neighbours increases the effective variance of grain on a rim.
 
-    The sum over neighbours of a Gaussian texture's ρ^(lag²), weighed by how alike the rim's slope is there: along the
-    rim wholly, across it as a Gaussian edge's slope is.
+    The sum over neighbours of a Gaussian texture's ρ^(lag²), weighted by the similarity of the rim's slope there: 1
+    along the rim, and across it that of a Gaussian edge's slope.
     """
     rho, spread = min(max(rho, 0.0), 0.95), 4.0 * (blur * blur + 1.0 / 6.0)
     along = across = 1.0
@@ -264,7 +265,8 @@ def _crowd(rho, blur):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
-    """Centre, radius from the area (0: no disc), blur [px] from Σ c (1 - c) = 2 √π radius √(blur² + 1/12), axes."""
+    """Centre, radius from the area (0: no disc), blur [px] from Σ c (1 - c) = 2 √π radius √(blur² + 1/12), and ratio of
+    axes."""
     level, noise, alpha, beta, grain, _, _ = ground
     within, known = (radius + 2.5) ** 2, bed.shape[0] > 0
     _, _, top, bottom = _box(frame.shape, cx, cy, radius + 2.5)
@@ -281,7 +283,7 @@ def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
             seen = (frame[r, c] - below) * inverse
             cover = min(max(seen, 0.0), 1.0)
             area += seen
-            # Noise alone makes E[c (1 - c)] less by its variance.
+            # Noise reduces E[c (1 - c)] by its variance.
             edge += seen * (1.0 - seen) + (noise + (1.0 - cover) ** 2 * grain) * inverse * inverse
             solid = cover if cover > 0.15 else 0.0
             mass += solid
@@ -302,14 +304,14 @@ def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _centre(frame, bed, ground, row):  # type: ignore[no-untyped-def]
-    """The soft centroid into the row, for what has no disc's rim.
+def _soft_centroid(frame, bed, ground, row):  # type: ignore[no-untyped-def]
+    """Write the soft centroid into the row, for patches without a disc's rim.
 
-    Its variance follows each pixel's noise through it, dx/dI_i = w'(x_i - x)/W: on the rim, where w' is not 0, camera
-    noise and grain by the part of a rim pixel the disc leaves uncovered.
+    Its variance propagates each pixel's noise, dx/dI_i = w'(x_i - x)/W: on the rim, where w' is not 0, camera noise,
+    and grain in proportion to the part of the pixel that the disc does not cover.
     """
     level, noise, alpha, beta, grain, rho, _ = ground
-    crowded, slope, known = grain * _crowd(rho, 0.5), 1.0 / (HIGH - LOW), bed.shape[0] > 0
+    correlated, slope, known = grain * _correlation_factor(rho, 0.5), 1.0 / (HIGH - LOW), bed.shape[0] > 0
     x, y, radius = row[X], row[Y], row[RADIUS]
     left, right, top, bottom = _box(frame.shape, x, y, radius + 2.5)
     total = sum_x = sum_y = var_x = var_y = 0.0
@@ -323,9 +325,9 @@ def _centre(frame, bed, ground, row):  # type: ignore[no-untyped-def]
             weight = min(max((cover - LOW) * slope, 0.0), 1.0)
             total, sum_x, sum_y = total + weight, sum_x + weight * dx, sum_y + weight * dy
             if LOW < cover < HIGH:
-                felt = (noise + (1.0 - cover) ** 2 * crowded) * (slope / (level - below)) ** 2
-                var_x += felt * dx * dx
-                var_y += felt * dy * dy
+                variance = (noise + (1.0 - cover) ** 2 * correlated) * (slope / (level - below)) ** 2
+                var_x += variance * dx * dx
+                var_y += variance * dy * dy
     row[X], row[Y] = x + sum_x / total, y + sum_y / total
     sampling = SAMPLING_PX3 / radius
     row[VAR_X], row[VAR_Y] = var_x / (total * total) + sampling, var_y / (total * total) + sampling
@@ -333,12 +335,12 @@ def _centre(frame, bed, ground, row):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def _rim(frame, bed, table, ground, blur, row):  # type: ignore[no-untyped-def]
-    """Gauss-Newton on the rim from the row's centre and radius; True if it is a disc's: then the row has the new ones.
+    """Gauss-Newton on the rim from the row's centre and radius; True, with the row updated, if the rim is a disc's.
 
-    Centre and radius are solved for apart, as a whole rim makes their normal equations fall apart.
+    Centre and radius are solved for separately, as their normal equations decouple for a complete rim.
     """
     level, noise, alpha, beta, grain, rho, _ = ground
-    crowded = grain * _crowd(rho, blur)
+    correlated = grain * _correlation_factor(rho, blur)
     known, profiles = bed.shape[0] > 0, table[int(blur / BLUR_STEP_PX + 0.5)]
     band = min(0.7 + 2.0 * blur, REACH_PX - 1.0)
     x, y, radius = row[X], row[Y], row[RADIUS]
@@ -361,19 +363,19 @@ def _rim(frame, bed, table, ground, blur, row):  # type: ignore[no-untyped-def]
                     rise = profiles[direction, k + 1] - low
                     cover = low + (place - k) * rise
                     step = level - alpha - (beta * bed[r, c] if known else 0.0)
-                    off = frame[r, c] - level + step * (1.0 - cover)
+                    residual = frame[r, c] - level + step * (1.0 - cover)
                     open_part = (1.0 - cover) ** 2
-                    weight = 1.0 / (noise + open_part * crowded)
+                    weight = 1.0 / (noise + open_part * correlated)
                     slope = step * rise * STEPS_A_PX
-                    felt, pull = weight * slope * slope, weight * slope * off
-                    h_xx += felt * nx * nx
-                    h_yy += felt * ny * ny
-                    h_xy += felt * nx * ny
-                    h_rr += felt
-                    g_x += pull * nx
-                    g_y += pull * ny
-                    g_r += pull
-                    misfit += weight * off * off
+                    info, gradient = weight * slope * slope, weight * slope * residual
+                    h_xx += info * nx * nx
+                    h_yy += info * ny * ny
+                    h_xy += info * nx * ny
+                    h_rr += info
+                    g_x += gradient * nx
+                    g_y += gradient * ny
+                    g_r += gradient
+                    misfit += weight * residual * residual
                     expected += weight * (noise + open_part * grain)
         size = h_xx * h_yy - h_xy * h_xy
         if size <= 0.0:
@@ -381,10 +383,10 @@ def _rim(frame, bed, table, ground, blur, row):  # type: ignore[no-untyped-def]
         move_x, move_y = (h_yy * g_x - h_xy * g_y) / size, (h_xx * g_y - h_xy * g_x) / size
         misfit -= g_x * move_x + g_y * move_y + g_r * g_r / h_rr
         x, y, radius = x + move_x, y + move_y, radius + g_r / h_rr
-        if not (misfit < NO_DISC * expected and (x - row[X]) ** 2 + (y - row[Y]) ** 2 < FARTHEST_PX**2):
+        if not (misfit < MAX_MISFIT * expected and (x - row[X]) ** 2 + (y - row[Y]) ** 2 < MAX_SHIFT_PX**2):
             return False
         if step_number == STEPS - 1 or move_x * move_x + move_y * move_y < SETTLED_PX**2:
-            # The noise is known from few pixels: the rim's own misfit says how large it is here.
+            # The noise is estimated from few pixels, so the variance is rescaled by the rim's own misfit.
             scale = misfit / expected / size
             row[X], row[Y], row[VAR_X], row[VAR_Y], row[RADIUS] = x, y, h_yy * scale, h_xx * scale, radius
             return True

@@ -1,10 +1,10 @@
 """All steps folded onto one phase axis, and the steepest or highest point of the folded curve.
 
-At ω = 30 rad/s a step has ten frames and its stance may be over in one; many steps together, each sampled at other
-phases, show the stance well. The curve has kinks where the leg catches and lets go, so no global smoother will do. A
-local cubic is fitted in windows of many centres and widths, and of each centre the widest window is kept whose
-residuals are noise (Lepski's rule): it ends by itself before a kink, and spans the whole step where the robot swims,
-so noise does not pass for a peak.
+At ω = 30 rad/s a step has ten frames and its stance may last for one; many steps together, sampled at different phases,
+resolve the stance. The curve has kinks where the leg catches and lets go, so a global smoother is unsuitable. A local
+cubic is fitted in windows of many centres and widths, and for each centre the widest window is kept whose residuals are
+noise (Lepski's rule): such a window ends before a kink, and spans the whole step where the robot swims, so noise is not
+mistaken for a peak.
 """
 
 from collections.abc import Callable
@@ -20,19 +20,19 @@ _WIDTHS = 0.5 * 0.85 ** np.arange(22)
 """Half-widths of windows, in steps: 0.5 down to 0.017 (the stance of a step of 0.3 R spans 0.095; with a soft-ground
 clock signal the fast end of one of 0.8 R 0.08)."""
 _GROUP = 4
-"""Points in a mean that a secant is drawn through."""
-_SECANT = 0.003
-"""Length of a secant at least, in steps."""
-_MISSED = 1.1
-"""A curve that is so much steeper somewhere than its steepest slope has an arc that no window could hold."""
-LEAST = 8
-"""Points in a window at least, so that a cubic has residuals."""
-LEAST_SPREAD = 1e-7
-"""Noise that is granted at least, whatever neighbours say."""
+"""Points averaged for each end of a secant."""
+_MIN_SECANT = 0.003
+"""Smallest length of a secant, in steps."""
+_MAX_SECANT_RATIO = 1.1
+"""Ratio of the steepest secant to the largest fitted slope from which some arc was too short for every window."""
+MIN_POINTS = 8
+"""Smallest number of points in a window, so that a cubic has residuals."""
+MIN_NOISE = 1e-7
+"""Lower bound of the noise estimate."""
 
 
 class NotMeasured(Exception):
-    """What was filmed does not determine a quantity; ``str(error)`` is the reason."""
+    """The film does not determine a quantity; ``str(error)`` is the reason."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,12 @@ class Folded:
     value: Floats
     """(n,)."""
     noise: float
-    """Standard deviation of a value, typical."""
+    """Typical standard deviation of a value."""
     deviation: Floats
-    """(n,) how far each value lies off its neighbours, of the same standard deviation: noise, and steps that differ."""
+    """(n,) deviation of each value from its neighbours, scaled to the same standard deviation; includes differences
+    between steps."""
     advance: float
-    """What the value gains over one step."""
+    """Increase of the value over one step."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,15 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     length = np.diff(rest_m)[step]
     mean = float(np.nanmean(np.diff(rest_m))) if np.isfinite(rest_m).sum() > 1 else np.nan
     seconds = float(np.median(np.diff(edges_s)))
-    # Each step's own length is taken off in proportion: what is left is the shape, scaled by the mean length.
+    # Differences in step length are removed in proportion, which leaves the shape at the mean length.
     part = (x - rest_m[step]) - (length - mean) * _progress(number % 1.0, x - rest_m[step], length)
     folded = fold(number % 1.0, part, mean)
-    line = _whole(folded, degree=1)
+    line = _featureless(folded, degree=1)
     if line is not None:
         return line.slope / seconds
     best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se)
     secant = _steepest_secant(folded)
-    if secant > _MISSED * best.slope:
+    if secant > _MAX_SECANT_RATIO * best.slope:
         found = f"{best.slope / seconds:.4f} m/s where it moves at {secant / seconds:.4f} m/s at least"
         raise NotMeasured(f"an arc too short to resolve ({found})")
     return best.slope / seconds
@@ -90,7 +91,7 @@ def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
     """
     number, z = _inside(t_s, z_m, edges_s)
     folded = fold(number % 1.0, z, 0.0)
-    flat = _whole(folded, degree=0)
+    flat = _featureless(folded, degree=0)
     if flat is not None:
         return flat.level
     top = _best(folded, lambda fit: fit.level - 5 * fit.level_se).level
@@ -98,13 +99,13 @@ def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
 
 
 def fold(phase: Floats, value: Floats, advance: float) -> Folded:
-    """Sort by phase and estimate the noise from how far a point lies off the line through its neighbours.
+    """Sort by phase and estimate the noise from each point's distance to the line through its neighbours.
 
     Raises NotMeasured.
     """
     seen = np.isfinite(value)
-    if seen.sum() < 4 * LEAST:
-        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * LEAST} are needed")
+    if seen.sum() < 4 * MIN_POINTS:
+        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * MIN_POINTS} are needed")
     order = np.argsort(phase[seen], kind="stable")
     phase, value = phase[seen][order], value[seen][order]
     left, middle, right = phase[:-2], phase[1:-1], phase[2:]
@@ -122,7 +123,7 @@ def _grouped(values: Floats, size: int) -> Floats:
 
 
 def _spread(deviation: Floats) -> float:
-    return max(1.4826 * float(np.median(np.abs(deviation))), LEAST_SPREAD)
+    return max(1.4826 * float(np.median(np.abs(deviation))), MIN_NOISE)
 
 
 def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
@@ -135,7 +136,7 @@ def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats
 
 
 def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
-    """How far through the step a frame is, as part of the step's length: the folded median of x/length by phase."""
+    """Fraction of the step's length covered at each phase: the folded median of x/length."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(length > 1e-3, part / length, phase)
     seen = np.isfinite(ratio)
@@ -157,39 +158,39 @@ def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
 
 
 def _steepest_secant(folded: Folded) -> float:
-    """What the curve's steepest slope is at least: no secant is steeper. Means of a few points, less 5 of their se."""
-    phase, value, deviation = (_grouped(one, _GROUP) for one in (folded.phase, folded.value, folded.deviation))
+    """Lower bound of the steepest slope: the steepest secant between means of a few points, less 5 standard errors."""
+    phase, value, deviation = (_grouped(array, _GROUP) for array in (folded.phase, folded.value, folded.deviation))
     noise = np.maximum(1.4826 * np.median(np.abs(deviation), axis=1), folded.noise)
     middle, level = phase.mean(axis=1), value.mean(axis=1)
     found = 0.0
     for apart in (1, 2, 3):
         span, rise = middle[apart:] - middle[:-apart], level[apart:] - level[:-apart]
         se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(_GROUP)
-        # Where steps last a whole number of frames many points have one phase.
-        wide = span > _SECANT
+        # If steps last a whole number of frames, many points have the same phase.
+        wide = span > _MIN_SECANT
         found = max(found, float(np.max((rise - 5 * se)[wide] / span[wide], initial=0.0)))
     return found
 
 
 def _widest(folded: Folded, centre: float) -> _Fit | None:
-    """The sharper of a line and a cubic, each in its widest window, less a margin: a kink shows late."""
-    # Imported now: who reads a table does not wait for the compiler.
+    """The more precise of a line and a cubic, each in its widest window, less a margin as a kink is detected late."""
+    # Imported only here, so that reading a table does not wait for the compiler.
     from sandbot_tracking.windows import widest_fit
 
     found, fit = widest_fit(folded.phase, folded.value, folded.deviation, folded.noise, folded.advance, centre, _WIDTHS)
     return _Fit(*fit) if found else None
 
 
-def _whole(folded: Folded, degree: int) -> _Fit | None:
-    """A line or a constant over the whole step; None if the step has a shape.
+def _featureless(folded: Folded, degree: int) -> _Fit | None:
+    """A line or a constant over the whole step; None if that does not fit.
 
-    Lack of fit against pure error: a mean over a twelfth of the step must lie off by less than 3.5 of its standard
-    deviations, taken from the scatter within the twelfths. That scatter holds the errors of rest positions, which all
-    frames of a step share; the noise between neighbours in phase may not.
+    Lack of fit against pure error: the mean residual over each twelfth of the step must be within 3.5 standard errors,
+    estimated from the scatter within the twelfths. Unlike the noise between neighbours in phase, that scatter includes
+    the errors of rest positions, which all frames of a step share.
     """
     u = 2 * folded.phase - 1
-    if degree and np.ptp(u) < _SECANT:
-        return None  # One frame a step: no line goes through a single phase.
+    if degree and np.ptp(u) < _MIN_SECANT:
+        return None  # one frame per step: a single phase does not determine a line
     design = u[:, None] ** np.arange(degree + 1)
     covariance = np.linalg.inv(design.T @ design)
     solution = covariance @ (design.T @ folded.value)
@@ -217,7 +218,7 @@ def _median_scale(number: Floats, z: Floats, folded: Folded) -> float:
 
 
 def _smooth(folded: Folded, phase: Floats) -> Floats:
-    """The folded curve at phases: means over neighbours in phase."""
+    """The folded curve at the given phases, from means over neighbours in phase."""
     size = max(1, folded.phase.size // 40)
     middle, level = (_grouped(values, size).mean(axis=1) for values in (folded.phase, folded.value))
     return np.asarray(np.interp(phase, middle, level, period=1.0), dtype=float)

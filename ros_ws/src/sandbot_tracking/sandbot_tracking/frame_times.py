@@ -1,19 +1,19 @@
-"""What a camera's time stamps say of it: frame period, jitter, and frames dropped, doubled or out of order."""
+"""Statistics of a camera's time stamps: frame period, jitter, and frames dropped, doubled or out of order."""
 
 from collections import deque
 
 import numpy as np
 
 RECENT = 200
-"""Frames looked back on."""
+"""Number of recent frames that are kept."""
 ENOUGH = 20
 """Number of intervals from which the period is measured instead of taken from the calibration."""
 PAUSE_NS = 1_000_000_000
-"""A camera that is silent for longer was stopped; the frames it did not take are no loss."""
+"""A camera silent for longer was stopped: no frames are counted as dropped."""
 
 
 class FrameTimes:
-    """Fed every stamp of one camera in order of arrival."""
+    """Counts every stamp of one camera, given in order of arrival."""
 
     def __init__(self, period_s: float) -> None:
         """``period_s``: time between frames by the calibration, used until enough frames were seen."""
@@ -24,7 +24,7 @@ class FrameTimes:
         self.frames = self.dropped = self.doubled = self.late = 0
 
     def add(self, t_ns: int) -> bool:
-        """Count one frame; False if a frame of this stamp was there before."""
+        """Count one frame; False if its stamp is a duplicate."""
         if t_ns in self._stamps:
             self.doubled += 1
             return False
@@ -33,7 +33,7 @@ class FrameTimes:
         if abs(step_ns) > PAUSE_NS:
             self._stamps.clear()
         elif step_ns < 0:
-            # It came after all.
+            # It was counted as dropped but came late.
             self.late, self.dropped = self.late + 1, max(0, self.dropped - 1)
         elif step_ns > 0:
             self.dropped += max(0, round(step_ns * 1e-9 / self.period_s) - 1)
@@ -45,12 +45,12 @@ class FrameTimes:
 
     @property
     def period_s(self) -> float:
-        """Time between two frames: the median of late, which dropped frames do not move."""
+        """Time between two frames: the median of recent intervals, which is robust against dropped frames."""
         return float(np.median(self._steps)) if len(self._steps) >= ENOUGH else self.calibrated_s
 
     @property
     def jitter_s(self) -> float:
-        """Standard deviation of a stamp about even times, from the median absolute deviation; NaN before enough."""
+        """Standard deviation of a stamp about equidistant times, from the median absolute deviation; NaN if too few."""
         if len(self._steps) < ENOUGH:
             return float("nan")
         steps = np.array(self._steps)

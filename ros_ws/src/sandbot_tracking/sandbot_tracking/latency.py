@@ -1,4 +1,4 @@
-"""How long after its exposure a frame's speed was published, and how often that was too long."""
+"""Delay from a frame's exposure to the publication of its speed, and how often it was too long."""
 
 from collections import deque
 
@@ -6,25 +6,25 @@ import numpy as np
 
 RECENT = 1000
 NOT_LIVE_S = 60.0
-"""Frames older than this are a replay: their age says nothing of this machine."""
+"""Frames older than this are a replay and are not counted."""
 TOO_OFTEN = 0.01
-"""Share of missed deadlines that is worth a warning."""
+"""Fraction of missed deadlines from which there is a warning."""
 
 
 class Latency:
-    """Fed one delay [s] a frame."""
+    """Collects one delay [s] per frame."""
 
     def __init__(self, budget_s: float) -> None:
         self._budget_s = budget_s
         self.restart()
 
     def restart(self) -> None:
-        """A trial begins."""
+        """Start again, as a trial begins."""
         self._recent: deque[float] = deque(maxlen=RECENT)
         self.frames = self.missed = 0
 
     def add(self, delay_s: float) -> None:
-        """One frame."""
+        """Add the delay of one frame."""
         if delay_s > NOT_LIVE_S:
             return
         self._recent.append(delay_s)
@@ -33,7 +33,7 @@ class Latency:
 
     @property
     def warning(self) -> str:
-        """Empty while nearly all frames are in time."""
+        """A warning if too many frames were late, else empty."""
         if not self.frames or self.missed <= TOO_OFTEN * self.frames:
             return ""
         return f"{self.missed} of {self.frames} frames were later than {self._budget_s * 1e3:g} ms"

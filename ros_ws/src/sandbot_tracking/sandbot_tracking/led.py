@@ -1,4 +1,4 @@
-"""The sync LED in the frames: it ties video time to the robot's clock."""
+"""The sync LED in the frames, which synchronises video time with the robot's clock."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from sandbot_tracking.markers import Frame
 class LedEdge:
     """Detects when the LED in a region (x, y, width, height) [px] goes on.
 
-    On: the mean of the region's brightest quarter rises by ``rise`` grey levels above what it was when off.
+    On: the mean of the region's brightest quarter exceeds its level when off by ``rise`` grey levels.
     """
 
     def __init__(self, region: Sequence[int], rise: float = 40.0) -> None:

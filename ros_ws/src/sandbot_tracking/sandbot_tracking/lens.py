@@ -1,4 +1,4 @@
-"""A camera from what it sees: its lens from a board or from points in space, and from points where it stands."""
+"""Camera calibration: the lens from a board or from points in space, and the pose from points."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,19 +32,19 @@ LEAST_FRAMES, LEAST_CORNERS = 3, 8
 
 @dataclass(frozen=True)
 class Board:
-    """A board with ``pattern`` inner corners; a ChArUco board where ``dictionary`` names its markers."""
+    """A board with ``pattern`` inner corners; a ChArUco board if ``dictionary`` names its markers."""
 
     pattern: tuple[int, int]
     square_m: float
     dictionary: str = ""
     marker: float = 0.75
-    """A marker's side, in parts of its square's."""
+    """A marker's side as a fraction of its square's."""
 
     def __str__(self) -> str:
         return f"{self.pattern[0]}x{self.pattern[1]} {'ChArUco board' if self.dictionary else 'chessboard'}"
 
     def seen(self, frame: Frame) -> Sight | None:
-        """What one frame shows of it; of a ChArUco board a part is enough."""
+        """The board's corners in one frame, None if it is not seen; a ChArUco board may be partly in view."""
         return self._chessboard(frame) if not self.dictionary else self._charuco(frame)
 
     def _chessboard(self, frame: Frame) -> Sight | None:
@@ -80,7 +80,7 @@ def lens_from_board(path: str, board: Board) -> Lens:
 
 @contextmanager
 def _in_one_thread() -> Iterator[None]:
-    """OpenCV sums over frames in the order in which threads come to them: the same pictures gave another lens."""
+    """Make OpenCV deterministic: its sums over frames depend on the order of threads, and so would the lens."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -90,13 +90,13 @@ def _in_one_thread() -> Iterator[None]:
 
 
 def _frames(path: str) -> Iterator[Frame]:
-    """The frames of a video, or the pictures of a folder, which must be of one size."""
+    """The frames of a video, or the pictures of a folder, which must all have one size."""
     if not Path(path).is_dir():
         with Source(path) as source:
             yield from source
         return
     size = None
-    for file in sorted(one for one in Path(path).iterdir() if one.is_file()):
+    for file in sorted(entry for entry in Path(path).iterdir() if entry.is_file()):
         picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
         if picture is None:
             raise InputError(f"{file}: not a readable picture")
@@ -107,7 +107,7 @@ def _frames(path: str) -> Iterator[Frame]:
 
 
 def picture_size(path: str) -> tuple[int, int] | None:
-    """Width and height [px] of a video, or of the pictures of a folder; None where it has none. Raises InputError."""
+    """Width and height [px] of a video, or of the pictures of a folder; None if it is empty. Raises InputError."""
     first = next(_frames(path), None)
     return None if first is None else (first.shape[1], first.shape[0])
 
@@ -123,7 +123,7 @@ def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]
 
 
 def lens_from_points(pixels: Floats, points_m: Floats, size: tuple[int, int]) -> Lens:
-    """Focal lengths from points in space, the principal point held at the middle and the lens taken as straight."""
+    """Focal lengths from points in space, with the principal point fixed at the middle and no distortion."""
     if np.linalg.matrix_rank(points_m - points_m.mean(axis=0), tol=1e-3) < 3:
         raise InputError(
             "all points lie in one plane: give --intrinsics or a chessboard video, or points off the plane"

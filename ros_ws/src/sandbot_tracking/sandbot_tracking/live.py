@@ -1,7 +1,7 @@
-"""A trial as it runs: frames, leg angles and LED edges in order of arrival to samples and period means (no ROS).
+"""Live tracking without ROS: samples and period means from frames, leg angles and LED edges in order of arrival.
 
-Each frame is looked at when it comes, set on the robot's time (camera_clock.py), joined with the other camera's view
-(pairing.py) and handed to the tracker. A period's mean waits for the leg angle at its frame's time.
+Each frame is searched for markers as it arrives, converted to the robot's time (camera_clock.py), joined with the other
+camera's view (pairing.py) and passed to the tracker. A period's mean waits for the leg angle at its frame's time.
 """
 
 from collections import deque
@@ -25,19 +25,19 @@ from sandbot_tracking.period import PeriodMean, PeriodMeans
 
 Floats = NDArray[np.float64]
 
-HELD = 1000
+MAX_HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""
-REPEATED = 3
-"""Frames in a row equal to the one before, from which on they show nothing: no two of a camera that runs have the same
-noise, so it, or its driver, sends an old one."""
+MAX_REPEATS = 3
+"""Identical frames in a row from which they are ignored: two frames of a running camera differ in their noise, so the
+camera or its driver repeats an old one."""
 LEG_PATIENCE_NS = NANO // 5
-"""How long past a sample's time the leg angle at that time is waited for."""
+"""How long to wait, after a sample's time, for the leg angle at that time."""
 LEGS_KEPT_NS = NANO
-"""How long leg angles are kept for an LED edge that is heard of after them."""
+"""How long leg angles are kept for an LED edge that is announced after them."""
 
 
 def warm_up(cameras: Mapping[str, Camera]) -> None:
-    """Compile what tracking runs (a second and more, once a machine), so that no frame waits for it."""
+    """Compile the tracking functions (a second or more, once per machine), so that no frame waits for it."""
     rng = np.random.default_rng(0)
     tracker = LiveTracker(cameras)
     for n in range(5):
@@ -51,7 +51,7 @@ def warm_up(cameras: Mapping[str, Camera]) -> None:
 
 
 class View:
-    """One camera: its clock, its frame times, and what waits for the clock."""
+    """One camera: its clock, its frame times, and the frames waiting for the clock."""
 
     def __init__(self, camera: Camera) -> None:
         period_s = 1.0 / camera.frame_rate_hz
@@ -59,25 +59,25 @@ class View:
         self.times = FrameTimes(period_s)
         self.clock = CameraClock(period_s, camera.exposure_s, led=camera.led_region is not None)
         self.unplaced = self.frozen = 0
-        """Frames given up before the clock was known; frames in a row equal to the one before."""
+        """Frames discarded before the clock was known; identical frames in a row."""
         self.held: deque[tuple[int, Marks | Axles]] = deque()
         self._led = LedEdge(camera.led_region) if camera.led_region else None
         self._last: Frame | None = None
 
     def look(self, t_ns: int, received_ns: int, robot_ns: int | None, pixels: Frame) -> bool:
-        """Take note of a frame; False if it was there before, by its stamp or by what it shows."""
+        """Register a frame; False if it is a repetition, by its stamp or its pixels."""
         if not self.times.add(t_ns):
             return False
         lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
         self.frozen = self.frozen + 1 if self._last is not None and np.array_equal(self._last, pixels) else 0
         self._last = pixels
-        return self.frozen < REPEATED
+        return self.frozen < MAX_REPEATS
 
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
-        """Keep what a frame showed until the clock is known, or too much waits."""
+        """Keep a frame's markers until the clock is known; the oldest are dropped beyond MAX_HELD."""
         self.held.append((t_ns, seen))
-        if len(self.held) > HELD:
+        if len(self.held) > MAX_HELD:
             self.held.popleft()
             self.unplaced += 1
 
@@ -87,17 +87,18 @@ class View:
             self.clock.led(edge_ns)
 
     def release(self) -> list[tuple[int, Marks | Axles]]:
-        """What was held, on the robot's time."""
+        """The held markers, with robot times."""
         ready = [(t_ns + self.clock.offset_ns, seen) for t_ns, seen in self.held]
         self.held.clear()
         return ready
 
 
 class LiveTracker:
-    """Feed it what arrives; it gives samples as soon as both views are there, and period means with the legs."""
+    """Takes frames, leg angles and LED edges as they arrive; returns samples once both views are there, and the means
+    of leg periods."""
 
     def __init__(self, cameras: Mapping[str, Camera], robot: Robot = SANDBOT, tolerance_s: float = 0.0) -> None:
-        """``tolerance_s``: how far apart [s] two views of one instant may be; 0: half a dorsal frame period."""
+        """``tolerance_s``: largest time [s] between two views of one instant; 0: half a dorsal frame period."""
         self.dimensions = robot
         self._cameras = {name: cameras[name] for name in ("dorsal", "lateral") if name in cameras}
         self.views = {name: View(camera) for name, camera in self._cameras.items()}
@@ -110,11 +111,11 @@ class LiveTracker:
         self._begin(0)
 
     def _begin(self, start_ns: int) -> None:
-        """A trial: the robot has been carried back to the start, so its marks are looked for anew."""
+        """Start a trial: the robot has been carried back to the start, so its markers are searched for again."""
         self.tracker = OfflineTracker(self._cameras, self.dimensions, keep=False)
         self._start_ns = start_ns
         self._means = PeriodMeans()
-        self._waiting: deque[tuple[int, Sample]] = deque(maxlen=HELD)
+        self._waiting: deque[tuple[int, Sample]] = deque(maxlen=MAX_HELD)
         for t_ns, angles in self._legs:
             if t_ns >= start_ns:
                 self.tracker.legs(t_ns * 1e-9, angles)
@@ -128,7 +129,7 @@ class LiveTracker:
             self._begin(self._start_ns)
 
     def led(self, edge_ns: int) -> list[tuple[int, Sample]]:
-        """The sync LED went on at this robot time: a trial starts; samples that waited for it."""
+        """The sync LED went on at this robot time and a trial starts; returns the samples that waited for it."""
         self._begin(edge_ns)
         for view in self.views.values():
             view.led(edge_ns)
@@ -143,7 +144,7 @@ class LiveTracker:
         self.tracker.legs(t_ns * 1e-9, angles)
 
     def frame(self, camera: str, t_ns: int, pixels: Frame, received_ns: int) -> list[tuple[int, Sample]]:
-        """One camera's frame (mono8), its stamp and when it was received; the samples that are ready, on robot time."""
+        """Add one camera's frame (mono8), its stamp and reception time; returns the samples ready, on robot time."""
         view = self.views[camera]
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
@@ -162,7 +163,7 @@ class LiveTracker:
             if advance is None:
                 if now_ns is None or now_ns - t_ns < LEG_PATIENCE_NS:
                     break
-                # The robot no longer says where its legs are: where they were last.
+                # The robot no longer reports its legs: use the last angle.
                 self.without_legs += 1
                 advance = self.tracker.clock.last_rad
             self._waiting.popleft()
@@ -176,11 +177,11 @@ class LiveTracker:
         return None if self._robot is None else self._robot[0] + received_ns - self._robot[1]
 
     def _placed(self) -> list[tuple[int, Sample]]:
-        """Samples of all that was held, once the clocks of all cameras that run are known."""
+        """Samples of all held frames, once the clocks of all running cameras are known."""
         if any(view.held and not view.clock.placed for view in self.views.values()):
             return []
         seen = ([(t_ns, name, marks) for t_ns, marks in view.release()] for name, view in self.views.items())
-        # In order of time: the backlog of one camera would otherwise tire the pairing's patience with the other.
+        # In order of time: otherwise the backlog of one camera would exceed the pairing's wait for the other.
         return [
             self._sample(instant)
             for t_ns, name, marks in merge(*seen, key=lambda item: item[0])

@@ -1,10 +1,11 @@
-"""Frame after frame: follow named markers, lose them honestly, find them again, never swap them.
+"""Follows named markers from frame to frame: reports lost ones, finds them again, and never swaps them.
 
-Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then
-looked for in a wider gate, next to its still visible neighbour, and at last in the whole frame, as far as it may have
-come meanwhile. A like disc farther off, say a reflection, is not it, even if it is the only one. What stood there while
-the marker was seen is never it (bystanders.py). Markers of one camera ride on a rigid body, so they keep their order
-along the image and nearly their distance: what breaks that is dropped and counted as ambiguous.
+Each marker is searched for where constant velocity predicts it. If it is not there it is missing (NaN, and counted) and
+then searched for in a wider gate, next to its still visible neighbour, and finally in the whole frame, as far as it may
+have moved meanwhile. A similar disc farther away, such as a reflection, is rejected even if it is the only one, and so
+is one that was already there while the marker was in sight (bystanders.py). Markers of one camera are on a rigid body,
+so they keep their order along the image and nearly their distance: markers that violate this are dropped and counted as
+ambiguous.
 """
 
 from collections.abc import Sequence
@@ -21,13 +22,13 @@ from sandbot_tracking.bystanders import Bystanders
 from sandbot_tracking.disc import GREY_STEP, RADIUS
 from sandbot_tracking.markers import Appearance, Floats, Frame, detect, follow, is_marker
 
-LOOK_EVERY = 4
-"""Frames from one look at bed and bystanders to the next: they change slowly, and a look costs ten times a marker."""
+LEARN_EVERY = 4
+"""Frames between updates of bed and bystanders: they change slowly, and an update costs ten times a marker."""
 
 
 @dataclass(frozen=True)
 class Gates:
-    """How far a marker may be from where it was expected."""
+    """Tolerances of a marker's position and appearance."""
 
     gate_px: float = parameter(10.0, unit="px", doc="half-width of the search around a prediction", low=1.0, high=200.0)
     growth_px: float = parameter(3.0, unit="px", doc="added to the gate for each frame missed", low=0.0, high=50.0)
@@ -54,7 +55,7 @@ class Marks:
 
 @dataclass
 class Counts:
-    """What happened so far, in frames times markers."""
+    """Counts so far, in frames times markers (``frames``: in frames)."""
 
     frames: int = 0
     missing: int = 0
@@ -66,8 +67,8 @@ class Counts:
 class MarkerTracker:
     """Follows ``names`` markers, named in the order of increasing image x.
 
-    ``spacing_px``: the expected distance between the first and the last of several markers; learned at the first sight
-    if None. ``ignore_px``: rectangles (x, y, width, height) where nothing is a marker (the sync LED).
+    ``spacing_px``: the expected distance between the first and the last of several markers; if None, learnt when they
+    are first seen. ``ignore_px``: rectangles (x, y, width, height) without markers (the sync LED).
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class MarkerTracker:
             raise InputError(f"marker names {list(names)}: at least one and all different are needed")
         self.names = tuple(names)
         self.counts = Counts()
-        self._looks, self._gates = Appearance(), Gates()
+        self._appearance, self._gates = Appearance(), Gates()
         self._spacing, self._ignore = spacing_px, tuple(ignore_px)
         n = len(names)
         self._bed, self._bystanders = StillBed(), Bystanders()
@@ -96,26 +97,26 @@ class MarkerTracker:
     def update(self, frame: Frame, passed: int = 1) -> Marks:
         """The markers in the next frame, mono8 (height, width).
 
-        Frames come at a steady rate; ``passed`` is how many of its periods since the last: more where some were lost.
+        Frames come at a steady rate; ``passed`` is the number of frame periods since the last: above 1 after a loss.
         """
         if frame.ndim != 2 or frame.dtype != np.uint8:
             raise InputError(f"frame of shape {frame.shape} and type {frame.dtype}: mono8 (height, width) is needed")
-        # Markers went on while nobody looked.
+        # Markers moved on during lost frames.
         self._unseen += passed - 1
-        rows = self._look(frame)
+        rows = self._search_near(frame)
         if (self._missed + np.isnan(rows[:, 0]) > self._gates.patience).any():
             rows = self._acquire(frame, rows)
         rows = self._consistent(rows)
-        self._learn(rows)
+        self._update_state(rows)
         found = np.isfinite(rows[:, 0])
-        if self.counts.frames % LOOK_EVERY == 0:
+        if self.counts.frames % LEARN_EVERY == 0:
             self._bed.see(frame, self._xy, self._radius)
             if found.all():
                 self._bystanders.see(frame, self._xy)
         return Marks(rows[:, :2].copy(), rows[:, 2:4].copy(), found)
 
-    def _look(self, frame: Frame) -> Floats:
-        """Markers where they are expected, NaN those that are not there."""
+    def _search_near(self, frame: Frame) -> Floats:
+        """Markers near their predicted positions; NaN for those not found."""
         where = self._xy + self._velocity
         where[(self._missed > self._gates.patience) | ~self._seen_before] = np.nan
         gates = self._gates.gate_px + self._gates.growth_px * self._missed
@@ -123,13 +124,13 @@ class MarkerTracker:
         for i, row in enumerate(rows):
             near = np.hypot(*(row[:2] - where[i])) <= gates[i] + 1.0
             other = self._missed[i] > 0 and self._bystanders.among(row[None])[0]
-            if not (near and self._same(row, i)) or self._ignored(row) or other:
+            if not (near and self._resembles(row, i)) or self._ignored(row) or other:
                 rows[i] = np.nan
         return rows
 
-    def _same(self, row: Floats, i: int) -> bool:
-        """Whether a disc looks like marker ``i`` did: a marker, of the same area."""
-        if not is_marker(row, self._looks):
+    def _resembles(self, row: Floats, i: int) -> bool:
+        """Whether a disc looks like marker ``i``: a marker of the same area."""
+        if not is_marker(row, self._appearance):
             return False
         return not self._seen_before[i] or abs((row[RADIUS] / self._radius[i]) ** 2 - 1.0) <= self._gates.area
 
@@ -137,7 +138,7 @@ class MarkerTracker:
         return any(x <= row[0] <= x + w and y <= row[1] <= y + h for x, y, w, h in self._ignore)
 
     def _acquire(self, frame: Frame, rows: Floats) -> Floats:
-        """Fill missing markers from the whole frame, if there is one way only to do it."""
+        """Find missing markers in the whole frame, if that is possible in one way only."""
         candidates = self._candidates(frame)
         alike = [choice for choice in combinations(candidates, len(rows)) if self._fits(choice, rows)]
         choices = [choice for choice in alike if self._within_reach(choice, rows)]
@@ -147,14 +148,14 @@ class MarkerTracker:
             best = self._clearly_best(choices)
             answer = rows if best is None else np.array(best)
         else:
-            answer = self._acquire_one(rows, candidates)
+            answer = self._acquire_by_neighbour(rows, candidates)
         if alike:
             self.counts.ambiguous += int(np.isnan(answer[:, 0]).sum())
         return answer
 
     def _candidates(self, frame: Frame) -> list[Floats]:
-        """Marker-like discs of the frame as rows, by increasing x; at most eight of the brightest."""
-        discs = detect(frame, self._looks, self._bed.picture)
+        """Marker-like discs of the frame as rows, by increasing x; at most the eight brightest."""
+        discs = detect(frame, self._appearance, self._bed.picture)
         table = np.column_stack(
             (discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, np.ones(len(discs.radius_px)))
         )
@@ -162,22 +163,23 @@ class MarkerTracker:
         return sorted(rows[:8], key=lambda row: float(row[0]))
 
     def _fits(self, choice: tuple[Floats, ...], rows: Floats) -> bool:
-        """Whether candidates (ordered along x) can be the markers: those in sight stay, look and distance are right."""
+        """Whether candidates (ordered along x) can be the markers: appearance and distance are right, and markers in
+        sight stay where they are."""
         table = np.array(choice)
         for i, row in enumerate(table):
-            if not self._same(row, i):
+            if not self._resembles(row, i):
                 return False
             if np.isfinite(rows[i, 0]) and np.hypot(*(row[:2] - rows[i, :2])) > 1.0:
                 return False
         return self._spaced(table)
 
     def _within_reach(self, choice: tuple[Floats, ...], rows: Floats) -> bool:
-        """Whether those that are missing may have come so far from where they were last."""
+        """Whether the missing markers may have moved so far from their last positions."""
         away = np.hypot(*(np.array(choice)[:, :2] - self._xy).T)
         return bool((np.isfinite(rows[:, 0]) | ~self._seen_before | (away <= self._reach())).all())
 
     def _reach(self) -> Floats:
-        """How far each marker may be from where it was expected, (n,) [px]: a frame takes it no farther than ever."""
+        """How far each marker may be from its last position, (n,) [px], at its largest motion per frame so far."""
         return np.asarray(self._gates.gate_px + np.maximum(self._gates.growth_px, self._fastest) * self._unseen)
 
     def _spaced(self, table: Floats) -> bool:
@@ -187,7 +189,8 @@ class MarkerTracker:
         return abs(gap / self._spacing - 1.0) <= self._gates.spacing
 
     def _clearly_best(self, choices: list[tuple[Floats, ...]]) -> tuple[Floats, ...] | None:
-        """The choice nearest to where the markers were, or the most alike and brightest; None if two are close."""
+        """The choice nearest to the markers' last positions or, at first, the brightest and most equal in size; None
+        if two choices are nearly as good."""
         if self._seen_before.all():
             cost = [float(np.hypot(*(np.array(c)[:, :2] - self._xy).T).mean()) for c in choices]
             margin = self._gates.gate_px
@@ -195,27 +198,26 @@ class MarkerTracker:
             cost = [
                 float(np.ptp([row[RADIUS] for row in c]) * 10 - np.mean([row[GREY_STEP] for row in c])) for c in choices
             ]
-            margin = 0.15 * self._looks.contrast
+            margin = 0.15 * self._appearance.contrast
         order = np.argsort(cost)
         return choices[order[0]] if cost[order[1]] - cost[order[0]] > margin else None
 
-    def _acquire_one(self, rows: Floats, candidates: list[Floats]) -> Floats:
-        """Missing markers next to their visible neighbour: the learned offset says which is which."""
+    def _acquire_by_neighbour(self, rows: Floats, candidates: list[Floats]) -> Floats:
+        """Missing markers at their learnt offsets from a visible neighbour."""
         visible = np.flatnonzero(np.isfinite(rows[:, 0]))
         if not visible.size:
-            return self._acquire_lonely(rows, candidates)
+            return self._acquire_single(rows, candidates)
         anchor, answer = visible[0], rows.copy()
         for i in np.flatnonzero(np.isnan(rows[:, 0])):
             where = rows[anchor, :2] + self._offset[i] - self._offset[anchor]
-            near = [
-                c for c in candidates if np.hypot(*(c[:2] - where)) <= self._gates.gate_px and self._same(c, int(i))
-            ]
+            near = [c for c in candidates if np.hypot(*(c[:2] - where)) <= self._gates.gate_px]
+            near = [c for c in near if self._resembles(c, int(i))]
             if len(near) == 1:
                 answer[i] = near[0]
         return answer
 
-    def _acquire_lonely(self, rows: Floats, candidates: list[Floats]) -> Floats:
-        """One disc in sight and no marker held: it is a marker only if just one name can be near it."""
+    def _acquire_single(self, rows: Floats, candidates: list[Floats]) -> Floats:
+        """A single disc while all markers are lost: it is accepted only if exactly one marker can be there."""
         if len(candidates) != 1 or not self._seen_before.all() or len(rows) == 1:
             return rows
         disc = candidates[0]
@@ -223,14 +225,14 @@ class MarkerTracker:
         nearest, answer = int(np.argmin(distance)), rows.copy()
         reach = self._reach()[nearest]
         others = np.delete(distance, nearest)
-        if distance[nearest] < reach and (others > 2 * reach).all() and self._same(disc, nearest):
+        if distance[nearest] < reach and (others > 2 * reach).all() and self._resembles(disc, nearest):
             answer[nearest] = disc
         elif np.isfinite(distance).all():
             self.counts.ambiguous += 1
         return answer
 
     def _consistent(self, rows: Floats) -> Floats:
-        """Drop all markers of a frame in which their order or distance is broken."""
+        """Drop all markers of a frame in which their order or distance is wrong."""
         seen = rows[np.isfinite(rows[:, 0])]
         ordered = bool((np.diff(seen[:, 0]) > 0).all())
         if ordered and (len(seen) < len(rows) or self._spaced(rows)):
@@ -240,7 +242,7 @@ class MarkerTracker:
         self._unseen = np.maximum(self._unseen, self._gates.patience)
         return np.full_like(rows, np.nan)
 
-    def _learn(self, rows: Floats) -> None:
+    def _update_state(self, rows: Floats) -> None:
         found = np.isfinite(rows[:, 0])
         gone = ~found & self._seen_before & (self._missed == 0)
         back = found & self._seen_before & (self._missed > 0)
@@ -250,7 +252,7 @@ class MarkerTracker:
         self.counts.lost += int(gone.sum())
         self.counts.reacquired += int(back.sum())
 
-        # The last step alone is the velocity: a leg catches within one frame, an average would lag behind it.
+        # The velocity is the last step alone: a leg catches within one frame, and an average would lag behind.
         step = np.where(held[:, None], rows[:, :2] - self._xy, 0.0)
         self._fastest = np.maximum(self._fastest, np.hypot(*step.T))
         self._velocity = np.where(found[:, None], step, self._velocity * 0.5)

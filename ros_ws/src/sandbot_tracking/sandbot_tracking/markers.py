@@ -1,7 +1,7 @@
-"""One frame to marker centres with covariance. Input: mono8 (height, width); output: pixels.
+"""Marker centres with variances [px] from one frame, mono8 (height, width).
 
-``detect`` looks at the whole frame (search.py) and is for finding markers; ``follow`` looks at small regions around
-predictions. Both end in the same estimator (disc.py), which reaches the camera-noise bound: benchmarks/tracking.md.
+``detect`` searches the whole frame (search.py), ``follow`` small regions around predictions. Both use the estimator of
+disc.py, which reaches the camera-noise bound: benchmarks/tracking.md.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Frame = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Appearance:
-    """What a marker looks like."""
+    """Limits of a marker's size, contrast and shape."""
 
     radius_low_px: float = parameter(3.0, unit="px", doc="smallest disc radius", low=1.0, high=100.0)
     radius_high_px: float = parameter(12.0, unit="px", doc="largest disc radius", low=1.0, high=200.0)
@@ -45,40 +45,42 @@ class Discs:
 NO_BED: Picture = np.empty((0, 0), np.float32)
 
 TILE_PX = 64
-"""A tile of the frame has its own level of grains; the largest marker covers a twentieth of it."""
+"""Smallest size of the tiles whose background level is measured; the largest marker covers a twentieth of a tile."""
 
 
-def detect(frame: Frame, looks: Appearance, bed: Picture = NO_BED) -> Discs:
-    """Every marker-like disc of a frame: patches of the right size, then size, roundness and contrast of each."""
-    tile = max(TILE_PX, round(8 * looks.radius_high_px))
-    least, most = np.pi * looks.radius_low_px**2 / 2, 2 * np.pi * looks.radius_high_px**2
-    found = search.patches(frame, looks.contrast / 2, tile, max(1, int(looks.radius_low_px)), least, most)
+def detect(frame: Frame, appearance: Appearance, bed: Picture = NO_BED) -> Discs:
+    """Every marker-like disc of a frame: bright patches with the size, roundness and contrast of a marker."""
+    low, high = appearance.radius_low_px, appearance.radius_high_px
+    tile = max(TILE_PX, round(8 * high))
+    found = search.patches(
+        frame, appearance.contrast / 2, tile, max(1, int(low)), np.pi * low**2 / 2, 2 * np.pi * high**2
+    )
     rows = follow(frame, found[:, :2], np.sqrt(found[:, 2] / np.pi), np.zeros(len(found)), bed)
-    table = rows[[is_marker(row, looks) for row in rows]].reshape(-1, 7)
+    table = rows[[is_marker(row, appearance) for row in rows]].reshape(-1, 7)
     table = table[np.argsort(-table[:, disc.GREY_STEP])]
     return Discs(table[:, :2], table[:, 2:4], table[:, disc.RADIUS], table[:, disc.GREY_STEP])
 
 
-def is_marker(row: Floats, looks: Appearance) -> bool:
-    """Whether what ``locate`` measured looks like a marker (NaN does not)."""
+def is_marker(row: Floats, appearance: Appearance) -> bool:
+    """Whether a row of ``locate`` looks like a marker (NaN does not)."""
     return bool(
-        looks.radius_low_px <= row[disc.RADIUS] <= looks.radius_high_px
-        and row[disc.GREY_STEP] >= looks.contrast
-        and row[disc.ELONGATION] <= looks.elongation
+        appearance.radius_low_px <= row[disc.RADIUS] <= appearance.radius_high_px
+        and row[disc.GREY_STEP] >= appearance.contrast
+        and row[disc.ELONGATION] <= appearance.elongation
     )
 
 
 def locate(frame: Frame, x: float, y: float, radius: float, gate: float) -> Floats:
-    """The disc of about ``radius`` within ``gate`` of (x, y): seven numbers, NaN where there is none.
+    """The disc of about ``radius`` within ``gate`` of (x, y): seven numbers, NaN if there is none.
 
     x, y [px] · their variances [px²] · radius [px] · contrast [grey levels] · elongation (ratio of axes).
-    NaN also where the disc touches the frame's edge: a cut disc has no honest centre.
+    NaN also if the disc touches the frame's edge: the centre of a cut disc would be biased.
     """
     row: Floats = follow(frame, np.array([[x, y]]), np.array([radius]), np.array([gate]))[0]
     return row
 
 
 def follow(frame: Frame, places: Floats, radii: Floats, gates: Floats, bed: Picture = NO_BED) -> Floats:
-    """``locate`` at each of ``places`` (n, 2): (n, 7). ``bed``: the grains without the markers, NaN where not known."""
+    """``locate`` at each of ``places`` (n, 2): (n, 7). ``bed``: the background without markers, NaN where unknown."""
     rows: Floats = disc.follow(frame, bed, rim_table(), places, radii, gates)
     return rows

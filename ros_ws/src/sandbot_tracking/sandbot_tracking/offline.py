@@ -1,4 +1,4 @@
-"""Frames of both cameras to landmarks and speed: the one core behind the live node, the batch campaign and
+"""Landmarks and speed from the frames of both cameras: the common core of the live node, the batch campaign and
 track_video."""
 
 from bisect import bisect_left, bisect_right
@@ -18,9 +18,9 @@ from sandbot_tracking.speed import HarmonicSpeed
 Floats = NDArray[np.float64]
 
 REMEMBERED = 4000
-"""Leg angles kept at least: several turns of the slowest gait at 1 kHz."""
+"""Smallest number of leg angles kept: several turns of the slowest gait at 1 kHz."""
 UNKNOWN_LIFT_M = 0.01
-"""Standard deviation of the lift where no lateral camera measures it."""
+"""Standard deviation of the lift if no lateral camera measures it."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Axles:
-    """What one lateral frame shows: front and rear axle (3,) [m], their mean height [m] and its variance [m²]."""
+    """The axles in one lateral frame: front and rear (3,) [m], their mean height [m] and its variance [m²]."""
 
     front: Floats
     rear: Floats
@@ -47,7 +47,7 @@ class Axles:
     var_z: float
 
     def towards(self, later: "Axles", weight: float) -> "Axles":
-        """On the straight line to a later view, ``weight`` of the way."""
+        """Linear interpolation to a later view with ``weight``; above 1 it extrapolates."""
         if weight == 0.0:
             return self
         here = 1.0 - weight
@@ -64,7 +64,7 @@ _UNSEEN = Axles(np.full(3, np.nan), np.full(3, np.nan), np.nan, np.nan)
 
 @dataclass(frozen=True)
 class Landmarks:
-    """All instants so far: t_s (n,), positions (n, 3) [m] with NaN gaps."""
+    """All instants so far: t_s (n,), positions (n, 3) [m]; NaN in gaps."""
 
     t_s: Floats
     com: Floats
@@ -74,7 +74,7 @@ class Landmarks:
 
 @dataclass(frozen=True)
 class Speed:
-    """/speed so far: times (n,), velocities [m/s] and variances [m²/s²], (n,) each; NaN gaps."""
+    """/speed so far: times, velocities [m/s] and variances [m²/s²], (n,) each; NaN in gaps."""
 
     t_s: Floats
     v_x: Floats
@@ -84,7 +84,7 @@ class Speed:
 
 
 class LegClock:
-    """Leg frequency from leg angles: their mean advance over the last turn, or since they started if that is less."""
+    """Leg frequency from leg angles: their mean advance over the last turn, or since the start if that is less."""
 
     def __init__(self) -> None:
         self._t: list[float] = []
@@ -101,11 +101,11 @@ class LegClock:
         self._t.append(t_s)
         self._advance.append((self._advance[-1] if self._advance else 0.0) + step)
         if len(self._t) > 2 * REMEMBERED:
-            # A node runs all day; nobody looks further back than the last turn.
+            # A node runs all day, and only the last turn is needed.
             del self._t[:REMEMBERED], self._advance[:REMEMBERED]
 
     def advance_rad(self, t_s: float) -> float | None:
-        """How far the legs have turned at ``t_s`` from the first angle on; None until a later angle arrives."""
+        """How far the legs have turned at ``t_s`` since the first angle; None until a later angle arrives."""
         after = bisect_left(self._t, t_s)
         if after == len(self._t):
             return None
@@ -116,11 +116,11 @@ class LegClock:
 
     @property
     def last_rad(self) -> float:
-        """How far the legs had turned at the last angle received."""
+        """How far the legs had turned when the last angle was received."""
         return self._advance[-1] if self._advance else 0.0
 
     def omega_rad_s(self, t_s: float) -> float | None:
-        """Mean rate over the last whole turn up to ``t_s``; over what there is before; None while they stand."""
+        """Mean rate over the last whole turn up to ``t_s``, or over all angles before it; None while the legs stand."""
         end = bisect_left(self._t, t_s + 1e-9)
         if end < 2:
             return None
@@ -134,9 +134,9 @@ class LegClock:
 class OfflineTracker:
     """Tracks ``com`` in dorsal frames, ``front_axle`` and ``rear_axle`` in lateral ones.
 
-    The centre of mass rides on the body: its plane is raised by the lift the lateral camera sees at the same
-    instant. With a lateral camera that just misses the axles there is no honest x, so ``com`` is NaN; without a
-    lateral camera at all the lift counts as unknown by UNKNOWN_LIFT_M in the variance.
+    The centre-of-mass marker is on the body: its plane is raised by the lift that the lateral camera sees at the same
+    instant. If the lateral camera loses the axles, x would be biased, so ``com`` is NaN; without a lateral camera the
+    variance includes an unknown lift of UNKNOWN_LIFT_M.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class OfflineTracker:
         self._frame_s: dict[str, float] = {}
         if self._lateral is not None:
             places = self._axle_px(self._lateral)
-            # A camera on its side sees the axles one above the other: its picture is tracked transposed.
+            # A camera on its side sees the axles one above the other: its frames are tracked transposed.
             self._sideways = bool(np.diff(np.abs(places[1] - places[0])) > 0)
             x = places[:, int(self._sideways)]
             # Names go by increasing image x; the front axle has the larger x on the track.
@@ -171,7 +171,7 @@ class OfflineTracker:
         self._samples: list[Sample] = []
 
     def _axle_px(self, camera: Camera) -> Floats:
-        """Pixels (2, 2) of two points as far apart as the axles, in the middle of the view."""
+        """Pixels (2, 2) of two points at the distance of the axles, in the middle of the view."""
         middle = camera.to_plane([[camera.width / 2, camera.height / 2]])[0]
         reach = np.array([self._robot.axle_distance_m / 2, 0.0, 0.0])
         return camera.to_pixels([middle - reach, middle + reach])
@@ -182,32 +182,32 @@ class OfflineTracker:
         return {"dorsal": self._body.counts} | ({"lateral": self._axles.counts} if self._axles else {})
 
     def legs(self, t_s: float, angle_rad: Floats) -> None:
-        """Leg angles (legs,) [rad]: they give the clock frequency the speed is locked to."""
+        """Leg angles (legs,) [rad], which give the leg frequency for the speed filter."""
         self.clock.update(t_s, angle_rad)
 
     def update(self, t_s: float, dorsal_frame: Frame | None, lateral_frame: Frame | None) -> Sample:
-        """Both frames (mono8) of one instant, None for one that is lost; the new sample."""
+        """Add both frames (mono8) of one instant, None for a lost one; returns the new sample."""
         body = None if dorsal_frame is None else self.see_body(t_s, dorsal_frame)
         return self.sample(t_s, body, None if lateral_frame is None else self.see_axles(t_s, lateral_frame))
 
     def _passed(self, name: str, camera: Camera, t_s: float) -> int:
-        """How many of a camera's periods since its last frame."""
+        """Number of a camera's frame periods since its last frame, at least 1."""
         last_s, self._frame_s[name] = self._frame_s.get(name, t_s), t_s
         return max(round((t_s - last_s) * camera.frame_rate_hz), 1)
 
     def see_body(self, t_s: float, frame: Frame) -> Marks:
-        """The marker of the centre of mass in a dorsal frame, at its time by any clock of the camera's."""
+        """The centre-of-mass marker in a dorsal frame; its time may be that of the camera's own clock."""
         _check_size(frame, self._dorsal, "dorsal")
         return self._body.update(frame, self._passed("dorsal", self._dorsal, t_s))
 
     def see_axles(self, t_s: float, frame: Frame) -> Axles:
-        """The axles in a lateral frame, at its time likewise; NaN where there is no such camera."""
+        """The axles in a lateral frame, with its time likewise; NaN if there is no such camera."""
         if self._axles is None or self._lateral is None:
             return _UNSEEN
         _check_size(frame, self._lateral, "lateral")
         passed = self._passed("lateral", self._lateral, t_s)
         marks = self._axles.update(np.ascontiguousarray(frame.T) if self._sideways else frame, passed)
-        xy_px, var_px2 = (one[:, ::-1] if self._sideways else one for one in (marks.xy_px, marks.var_px2))
+        xy_px, var_px2 = (xy[:, ::-1] if self._sideways else xy for xy in (marks.xy_px, marks.var_px2))
         xyz = self._lateral.to_plane(xy_px)
         front, rear = xyz[self._front], xyz[1 - self._front]
         if not np.isfinite(xyz[:, 2]).all():
@@ -216,7 +216,7 @@ class OfflineTracker:
         return Axles(front, rear, float(xyz[:, 2].mean()), float(variance.sum() / 4))
 
     def sample(self, t_s: float, body: Marks | None, axles: Axles | None) -> Sample:
-        """What was seen at one instant, None for a view that is lost; the new sample."""
+        """Add the views of one instant, None for a lost one; returns the new sample."""
         axles = axles or _UNSEEN
         z, var_z = axles.z, axles.var_z
         com, var_x = self._centre(body, z, var_z)
@@ -250,14 +250,14 @@ class OfflineTracker:
         return Landmarks(np.array([s.t_s for s in samples]), *points)
 
     def speed(self) -> Speed:
-        """All speeds so far, as published when they were measured."""
+        """All speeds so far, as they were published live."""
         return Speed(
             *(np.array([getattr(s, k) for s in self._samples]) for k in ("t_s", "v_x", "var_x", "v_z", "var_z"))
         )
 
 
 def _check_size(frame: Frame, camera: Camera, name: str) -> None:
-    """A picture of another size has other pixels than those calibrated: its metres would be wrong."""
+    """Raise InputError for a frame of another size than calibrated, which would give wrong positions."""
     if frame.shape[:2] != (camera.height, camera.width):
         rows, columns = frame.shape[:2]
         raise InputError(

@@ -1,4 +1,4 @@
-"""Mean speed and lift of each whole leg period, as it ends: for display while a trial runs."""
+"""Mean speed and lift of each whole leg period as it ends, for display while a trial runs."""
 
 import math
 from collections import deque
@@ -12,7 +12,7 @@ TURN = 2 * math.pi
 REMEMBERED = 200
 """Frames kept to find the position at a period's end."""
 REACH = 0.11
-"""Share of a step after a period's end that must be seen: as much as ``position_at`` looks at, and a little."""
+"""Fraction of a step after a period's end that must be seen: slightly more than ``position_at`` uses."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class PeriodMean:
 
 
 class PeriodMeans:
-    """Fed sample by sample; the rest height is the lowest axle height so far.
+    """Takes samples one by one; the rest height is the lowest axle height so far.
 
-    A period ends when the legs have turned a whole turn, between two frames. Where the body was then is found as for
-    the trials table (``trial.position_at``), so the means of the periods are those that the table's speed is made of.
+    A period ends when the legs have made a whole turn, between two frames. The body's position at that time is found as
+    for the trials table (``trial.position_at``), so the period means are consistent with the table's speed.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class PeriodMeans:
         self._turned = 0.0
         self._start = (math.nan, math.nan)
         self._ends: deque[tuple[float, float]] = deque()
-        """When a period ended and how high the axles came in it; what follows must be seen first."""
+        """End time and largest axle height of each period that waits for the frames after its end."""
 
     def update(self, t_s: float, x_m: float, z_m: float, advance_rad: float) -> PeriodMean | None:
         """The period that ended shortly before, or None. ``advance_rad``: how far the legs have turned at ``t_s``."""

@@ -1,4 +1,4 @@
-"""Any camera's image message to grey pixels: the encodings of ROS drivers (REP-118, sensor_msgs/image_encodings)."""
+"""Grey pixels from any camera's image message: the encodings of ROS drivers (REP-118, sensor_msgs/image_encodings)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Frame = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class _Layout:
-    """How one pixel lies in memory, and what makes it grey."""
+    """Memory layout of a pixel, and its conversion to grey."""
 
     channels: int = 1
     depth: int = 8
@@ -53,7 +53,7 @@ _LAYOUTS: Mapping[str, _Layout] = MappingProxyType(
     }
 )
 _DECODED = {(): _LAYOUTS["mono8"], (3,): _LAYOUTS["bgr8"], (4,): _LAYOUTS["bgra8"]}
-"""What a decoded picture holds, by the channels that follow its height and width."""
+"""Layout of a decoded picture, by its shape after height and width."""
 ENCODINGS = tuple(_LAYOUTS)
 """Encodings of raw images that can be read."""
 
@@ -67,7 +67,7 @@ def grey(image: Any, bits: int = 16) -> Frame:
     rows = _compressed(image) if hasattr(image, "format") else _raw(image)
     if rows.dtype == np.uint8:
         return np.asarray(rows, dtype=np.uint8)
-    # Saturated, not wrapped: a sensor that fills more bits than it was said to is white, not dark again.
+    # Saturated, not wrapped: a sensor that fills more bits than stated gives white, not dark pixels.
     return np.asarray(np.minimum(rows >> (bits - 8), 255), dtype=np.uint8)
 
 
@@ -81,7 +81,7 @@ def _raw(image: Any) -> NDArray[Any]:
 
 
 def _rows(image: Any, layout: _Layout) -> NDArray[Any]:
-    """The pixels (height, width[, channels]) without the padding at the ends of rows, in this machine's byte order."""
+    """The pixels (height, width[, channels]) without row padding, in this machine's byte order."""
     length = image.width * layout.channels * layout.depth // 8
     data = np.frombuffer(image.data, dtype=np.uint8)
     if not (image.height and image.width and image.step >= length and data.size >= image.height * image.step):
@@ -104,14 +104,14 @@ def _to_grey(rows: NDArray[Any], layout: _Layout) -> NDArray[Any]:
 
 
 def _compressed(image: Any) -> NDArray[Any]:
-    """JPEG or PNG, as image_transport sends them; its format tells a Bayer mosaic that was compressed as it was."""
+    """JPEG or PNG, as image_transport sends them; the format field identifies a compressed raw Bayer mosaic."""
     data = np.frombuffer(image.data, dtype=np.uint8)
-    # Unchanged: asked for grey, OpenCV would cut 16 bits to their upper eight, and it turns pictures as EXIF says.
+    # Unchanged: in grey mode OpenCV would reduce 16 bits to their upper eight, and rotate pictures by their EXIF tag.
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     decoded = None if pixels is None else _DECODED.get(pixels.shape[2:])
     if pixels is None or decoded is None or pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"compressed image of format {image.format!r}: {data.size} bytes are not a picture")
     encoding = image.format.partition(";")[0].strip()
-    # Three colours are no mosaic, whatever the format says: the driver has made them of it.
+    # Three colour channels are not a mosaic, whatever the format says: the driver has converted it.
     mosaic = encoding.startswith("bayer") and encoding in _LAYOUTS and pixels.ndim == 2
     return _to_grey(pixels, _LAYOUTS[encoding] if mosaic else decoded)

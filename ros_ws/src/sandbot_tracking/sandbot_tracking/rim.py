@@ -1,11 +1,11 @@
-"""How bright a pixel is that a disc's rim crosses: the part of it that is covered, seen through the lens.
+"""Brightness of a pixel crossed by a disc's rim: the covered fraction of the pixel, blurred by the lens.
 
-A rim is straight over a pixel. The covered part of a unit square, blurred by a Gaussian of ``blur`` px, is with
-G'' = the Gaussian, a >= b the sides' shares of the rim's normal and d the pixel's distance inside the rim
+The rim is straight within a pixel. With a Gaussian blur of ``blur`` px, the covered fraction of a unit square is
 
     c(d) = [G(d + (a+b)/2) - G(d + (a-b)/2) - G(d - (a-b)/2) + G(d - (a+b)/2)] / (a b)
 
-kept as a table over blur, 2 a b and d: a Gaussian edge in place of it locks centres to pixels.
+where G'' is the Gaussian, a >= b are the components of the rim's normal along the sides, and d is the pixel's distance
+inside the rim. It is tabulated over blur, 2 a b and d; a plain Gaussian edge instead would bias centres towards pixels.
 """
 
 from functools import lru_cache
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 BLUR_STEP_PX, BLURS = 0.1, 26
 DIRECTIONS = 9
 REACH_PX, STEPS_A_PX = 8, 32
-"""d runs from -REACH_PX to REACH_PX: beyond, the most blurred rim is over by more than three of its widths."""
+"""Range of d, -REACH_PX to REACH_PX, which is more than three widths of the most blurred rim, and steps per pixel."""
 
 
 @lru_cache(maxsize=1)
@@ -31,7 +31,7 @@ def rim_table() -> NDArray[np.float32]:
 def _table():  # type: ignore[no-untyped-def]
     table = np.empty((BLURS, DIRECTIONS, 2 * REACH_PX * STEPS_A_PX + 1))
     for i in range(BLURS):
-        # A blur of nothing divides by nothing.
+        # Avoids a division by zero.
         blur = max(i * BLUR_STEP_PX, 1e-3)
         for j in range(DIRECTIONS):
             angle = 0.5 * np.arcsin(max(j / (DIRECTIONS - 1), 1e-3))

@@ -1,31 +1,31 @@
-"""Where a whole frame is brighter than its grains, in patches of a marker's size."""
+"""Finds patches of a marker's size in a whole frame that are brighter than the grains."""
 
 import numba
 import numpy as np
 
 SAMPLED = 4
-"""Every so many pixels along rows and columns tell how bright the grains are."""
+"""Every how many rows and columns a pixel is sampled to estimate the level of the grains."""
 
 
 @numba.njit(cache=True)
-def patches(frame, step, tile, apart, least, most):  # type: ignore[no-untyped-def]
-    """Patches (n, 3) of ``least`` to ``most`` pixels at least ``step`` above the grains: middle x, y and area [px].
+def patches(frame, step, tile, stride, min_area, max_area):  # type: ignore[no-untyped-def]
+    """Patches (n, 3) of ``min_area`` to ``max_area`` px at least ``step`` above the grains: middle x, y and area [px].
 
-    The grains' level is the median of a tile of ``tile`` px: light may be uneven. Only pixels ``apart`` from each other
-    are looked at: a patch must be so wide. From each that is bright its patch is filled.
+    The grains' level is the median of a tile of ``tile`` px, as illumination may be uneven. Only every ``stride``-th
+    pixel is tested, so a patch must be at least so wide; each bright one starts a flood fill.
     """
     height, width = frame.shape
     levels = _levels(frame, step, tile)
-    # A bit a pixel: a byte each would be memory fetched anew from the system with every frame.
+    # One bit per pixel: with a byte each, the system would have to supply new memory for every frame.
     seen = np.zeros((height, width // 8 + 1), np.uint8)
-    stack = np.empty((height * width if most > height * width else int(most) + 8, 2), np.int32)
+    stack = np.empty((height * width if max_area > height * width else int(max_area) + 8, 2), np.int32)
     found = [(0.0, 0.0, 0.0) for _ in range(0)]
-    for row in range(apart // 2, height, apart):
+    for row in range(stride // 2, height, stride):
         across = levels[row // tile]
-        for column in range(apart // 2, width, apart):
+        for column in range(stride // 2, width, stride):
             if frame[row, column] >= across[column // tile] and not _bit(seen, row, column):
                 patch = _fill(frame, seen, stack, row, column, across[column // tile])
-                if least <= patch[2] <= most:
+                if min_area <= patch[2] <= max_area:
                     found.append(patch)
     answer = np.empty((len(found), 3))
     for i, patch in enumerate(found):
@@ -35,7 +35,7 @@ def patches(frame, step, tile, apart, least, most):  # type: ignore[no-untyped-d
 
 @numba.njit(cache=True)
 def _levels(frame, step, tile):  # type: ignore[no-untyped-def]
-    """What a pixel must reach, tile by tile."""
+    """The threshold of each tile."""
     height, width = frame.shape
     levels = np.empty(((height + tile - 1) // tile, (width + tile - 1) // tile), np.uint8)
     for i in range(levels.shape[0]):
@@ -55,7 +55,7 @@ def _levels(frame, step, tile):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _fill(frame, seen, stack, row, column, level):  # type: ignore[no-untyped-def]
-    """Middle and area of the bright pixels that touch (row, column); area is infinite where the stack overflows."""
+    """Middle and area of the bright pixels connected to (row, column); the area is infinite if the stack overflows."""
     height, width = frame.shape
     area, sum_x, sum_y, n = 0.0, 0.0, 0.0, 1
     stack[0, 0], stack[0, 1] = row, column

@@ -1,7 +1,8 @@
-"""Positions to velocity afterwards: Rauch–Tung–Striebel on the likeliest of a few models (now, without lag: speed.py).
+"""Velocity from positions afterwards: a Rauch–Tung–Striebel smoother with the most likely of a few models (for real
+time: speed.py).
 
-White noise integrated two to four times is for anything that moves; a mean with harmonics of one frequency that wander
-slowly is for steady gait. Which one, its noise and its frequency are chosen by maximum likelihood, without a clock.
+White noise integrated two to four times describes any motion; a mean with slowly varying harmonics of one frequency
+describes steady gait. The model, its noise and its frequency are chosen by maximum likelihood, without leg angles.
 
 Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
 """
@@ -23,7 +24,7 @@ from sandbot_tracking.speed import HARMONICS, harmonic_model
 Floats = NDArray[np.float64]
 
 MISFIT = 4.0
-"""Ratio of residual variances, with harmonics over without, from which on the harmonics do not fit."""
+"""Ratio of residual variances, with over without harmonics, from which the harmonic model is rejected."""
 _DIFFUSE = 1e10
 """Initial variance of an unknown state, in units of a position's variance."""
 
@@ -37,13 +38,13 @@ class Velocity:
     var: Floats
     """[m²/s²], (n,); NaN likewise."""
     gaps: int
-    """How many are missing."""
+    """Number of missing positions."""
 
 
 def smooth(t_s: ArrayLike, x_m: ArrayLike) -> Velocity:
-    """Velocity of a whole record, (n,), from positions of one common variance, which is estimated.
+    """Velocity of a whole record, (n,), from positions with a common variance, which is estimated.
 
-    Raises InputError on times that do not grow, or fewer than 8 positions.
+    Raises InputError if times do not increase or there are fewer than 8 positions.
     """
     t, x = np.asarray(t_s, dtype=float), np.asarray(x_m, dtype=float)
     if t.ndim != 1 or x.shape != t.shape:
@@ -55,12 +56,12 @@ def smooth(t_s: ArrayLike, x_m: ArrayLike) -> Velocity:
         raise InputError(f"{int(seen.sum())} positions: at least 8 are needed for a velocity")
     r = np.where(seen, 1.0, np.nan)
     y = np.where(seen, x - x[seen][0], np.nan)
-    v, v_var, _, scale = _rts(y, r, *_likeliest(t, y, r))
+    v, v_var, _, scale = _rts(y, r, *_best_model(t, y, r))
     return Velocity(np.where(seen, v, np.nan), np.where(seen, v_var * scale, np.nan), int((~seen).sum()))
 
 
 class _Model(NamedTuple):
-    """Linear, of k states, the first of them x; noises relative to that of a position."""
+    """A linear model with k states, the first of which is x; variances relative to that of a position."""
 
     transition: Floats
     """(n, k, k), to each sample from the one before."""
@@ -72,26 +73,26 @@ class _Model(NamedTuple):
     """(k,): v is this times the state."""
 
 
-_Judged = tuple[float, _Model]
-"""-ln likelihood, and the model."""
+_Scored = tuple[float, _Model]
+"""Negative log-likelihood, and the model."""
 
 
-def _likeliest(t: Floats, y: Floats, r: Floats) -> _Model:
-    """The most likely model; a periodic one is rejected where its residuals exceed position noise."""
-    cost, usual = min(_integrated(t, y, r), key=lambda judged: judged[0])
+def _best_model(t: Floats, y: Floats, r: Floats) -> _Model:
+    """The most likely model; a periodic one is rejected if its residuals exceed the position noise."""
+    cost, usual = min(_integrated(t, y, r), key=lambda scored: scored[0])
     noise = _rts(y, r, *usual)[3]
-    periodic = [judged for judged in _periodic(t, y, r) if _rts(y, r, *judged[1])[3] < MISFIT * noise]
-    return min(((cost, usual), *periodic), key=lambda judged: judged[0])[1]
+    periodic = [scored for scored in _periodic(t, y, r) if _rts(y, r, *scored[1])[3] < MISFIT * noise]
+    return min(((cost, usual), *periodic), key=lambda scored: scored[0])[1]
 
 
-def _integrated(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:
+def _integrated(t: Floats, y: Floats, r: Floats) -> Iterator[_Scored]:
     """White noise integrated two to four times, each at its most likely strength."""
     for order in (2, 3, 4):
-        yield _at_best(y, r, partial(_integrated_noise, t, order), np.arange(-9.0, 4.0))
+        yield _fitted(y, r, partial(_integrated_noise, t, order), np.arange(-9.0, 4.0))
 
 
-def _periodic(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:
-    """A mean and harmonics of one frequency that wander slowly; even frames only, at most likely frequencies."""
+def _periodic(t: Floats, y: Floats, r: Floats) -> Iterator[_Scored]:
+    """A mean and slowly varying harmonics of one frequency, each at its most likely value; equidistant frames only."""
     frame = float(np.median(np.diff(t)))
     if not np.allclose(np.diff(t), frame, rtol=1e-3):
         return
@@ -100,44 +101,44 @@ def _periodic(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:
         log_ratio = _best_ratio(y, r, partial(_harmonics, t.size, frame, first), ratios)[1]
 
         def cost(base: float, log_ratio: float = log_ratio) -> float:
-            return _unlikely(y, r, _harmonics(t.size, frame, base, 10.0**log_ratio))
+            return _negative_log_likelihood(y, r, _harmonics(t.size, frame, base, 10.0**log_ratio))
 
-        # A line of the spectrum is known to a part of its width, 2π over the record.
+        # A spectral line is located to a fraction of its width, 2π over the length of the record.
         width = np.pi / (t.size * frame)
         near = (first - width, first + width)
         base = float(minimize_scalar(cost, bounds=near, method="bounded", options={"xatol": width / 50}).x)
-        yield _at_best(y, r, partial(_harmonics, t.size, frame, base), ratios)
+        yield _fitted(y, r, partial(_harmonics, t.size, frame, base), ratios)
 
 
-def _at_best(y: Floats, r: Floats, model: Callable[[float], _Model], scan: Floats) -> _Judged:
+def _fitted(y: Floats, r: Floats, model: Callable[[float], _Model], scan: Floats) -> _Scored:
     """The model at its most likely noise ratio."""
     cost, log_ratio = _best_ratio(y, r, model, scan)
     return cost, model(10.0**log_ratio)
 
 
 def _best_ratio(y: Floats, r: Floats, model: Callable[[float], _Model], scan: Floats) -> tuple[float, float]:
-    """-ln likelihood and log10 of the ratio. Two basins are possible (calm with noise, wild without): a coarse scan of
-    ``scan`` chooses one."""
+    """Negative log-likelihood and log10 of the most likely ratio. There may be two local minima (smooth motion with
+    noise, rough motion without): the coarse values of ``scan`` select one."""
 
     def cost(log_ratio: float) -> float:
-        return _unlikely(y, r, model(10.0**log_ratio))
+        return _negative_log_likelihood(y, r, model(10.0**log_ratio))
 
     start, step = scan[int(np.argmin([cost(value) for value in scan]))], scan[1] - scan[0]
     found = minimize_scalar(cost, bounds=(start - step, start + step), method="bounded", options={"xatol": 0.02})
     return float(found.fun), float(found.x)
 
 
-def _unlikely(y: Floats, r: Floats, model: _Model) -> float:
+def _negative_log_likelihood(y: Floats, r: Floats, model: _Model) -> float:
     return -float(_rts(y, r, *model)[2])
 
 
 def _frequencies(y: Floats, frame: float) -> list[float]:
-    """The strongest line of the speed's spectrum and half of it [rad/s]: steps may differ left and right."""
+    """The strongest line of the speed's spectrum and half of it [rad/s], as left and right steps may differ."""
     seen = np.isfinite(y)
     v = np.diff(np.interp(np.arange(y.size), np.flatnonzero(seen), y[seen]))
     size = 8 * v.size
     power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(v.size), size))
-    # Below three turns in all there is no period to speak of.
+    # Fewer than three periods in the record do not define a frequency.
     power[: 3 * 8] = 0.0
     line = 2 * np.pi * float(np.argmax(power)) / (size * frame)
     return [line, line / 2] if line > 0 else []
@@ -148,7 +149,7 @@ def _harmonics(n: int, frame: float, base_rad_s: float, ratio: float) -> _Model:
     velocity = np.array([0.0, 1.0, *(1.0, 0.0) * HARMONICS])
     start = np.full(len(transition), _DIFFUSE / frame**2)
     start[0] = _DIFFUSE
-    # Per frame the noise of x must be of the order of a position's own for a ratio of 1.
+    # Scaled such that for a ratio of 1 the process noise of x per frame is of the order of a position's noise.
     noise = noise * ratio / frame**3
     return _Model(np.tile(transition, (n, 1, 1)), np.tile(noise, (n, 1, 1)), start, velocity)
 
@@ -163,9 +164,9 @@ def _integrated_noise(t: Floats, order: int, ratio: float) -> _Model:
     i = order - 1 - np.arange(order)
     weight = np.array([[1 / (factorial(a) * factorial(b) * (a + b + 1)) for b in i] for a in i])
     noise = ratio * weight * step[:, None, None] ** (i[:, None] + i[None, :] + 1)
-    # The state is (x, x', x'' …) per frame; velocity per second is what callers get.
+    # Converts the state (x, x', x'' …) from derivatives per frame to derivatives per second.
     noise = _per_second(noise, frame, both=True)
-    # Diffuse to begin with, relative to the process noise in each derivative.
+    # Diffuse initial state, relative to the process noise of each derivative.
     start = 1e6 * np.diag(noise[0]) * 2.0
     start[0] = 1e6 * (noise[0, 0, 0] + 1.0)
     return _Model(_per_second(transition, frame), noise, start, np.eye(order)[1])
@@ -178,7 +179,7 @@ def _per_second(matrix: Floats, frame: float, both: bool = False) -> Floats:
 
 @numba.njit(cache=True)
 def _rts(y, r, transition, noise, start, velocity):  # type: ignore[no-untyped-def]
-    """Velocity, its variance (in units of the scale), concentrated log-likelihood, scale of all variances."""
+    """Velocity, its variance (in units of the scale), concentrated log-likelihood, and the scale of all variances."""
     n, k = transition.shape[0], transition.shape[1]
     mean, cov = np.zeros(k), np.diag(start)
     means, covs = np.empty((n, k)), np.empty((n, k, k))

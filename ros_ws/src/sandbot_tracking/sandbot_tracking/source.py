@@ -66,7 +66,7 @@ def mono8(frame: NDArray[np.generic], where: str) -> Frame:
 
 
 def _quietly_open(video: str | int) -> cv2.VideoCapture:
-    """The backends print their own complaints about a bad file; ours is the one line a user needs."""
+    """Open without the backends' own messages about a bad file, which repeat the InputError."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:

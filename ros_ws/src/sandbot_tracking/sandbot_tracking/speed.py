@@ -1,7 +1,9 @@
-"""Positions to velocity now, without lag: v = mean + 3 harmonics of the known step frequency (afterwards: smooth.py).
+"""Velocity from positions in real time, without lag: v = mean + 3 harmonics of the known step frequency (for whole
+records: smooth.py).
 
-One filter cannot be both calm on steady gait and quick where walking turns into swimming; an interacting bank of
-filters with process noise from calm to wild (Blom & Bar-Shalom 1988) is, and says by its variance which it just was.
+A single filter cannot both average over steady gait and respond quickly when walking turns into swimming; a bank of
+interacting filters with small to large process noise (interacting multiple model, Blom & Bar-Shalom 1988) can, and its
+variance reflects which of them currently dominates.
 
 Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
 """
@@ -21,16 +23,17 @@ HARMONICS = 3
 BASE = 2
 """Fundamental in units of ω: tripods half a period apart take a step each half period."""
 BANK = np.array([2e-7, 2e-6, 2e-6, 1e-3, 1.0])
-"""Random walk of mean and harmonics of each filter of the bank [(m/s)²/s]."""
+"""Random-walk intensity of mean and harmonics in each filter of the bank [(m/s)²/s]."""
 MISFIT_M2 = np.array([0.0, 2e-4**2, 1e-3**2, 0.0, 0.0])
-"""Variance of the position each filter leaves unexplained: a leg that catches and lets go has more than 3 harmonics."""
+"""Variance of position that each filter leaves unexplained: the motion of a leg that catches and lets go has more than
+3 harmonics."""
 STAY = 0.999
-"""Probability that the filter which is right stays right for a frame."""
+"""Probability per frame that the active filter does not change."""
 _START_V, _START_H = 0.3**2, 0.2**2
 
 
 class HarmonicSpeed:
-    """Velocity now, from positions so far and the clock frequency."""
+    """Current velocity from the positions so far and the leg frequency."""
 
     def __init__(self) -> None:
         self.gaps = 0
@@ -44,8 +47,8 @@ class HarmonicSpeed:
     def update(self, t_s: float, x_m: float, var_m2: float, omega_rad_s: float | None = None) -> tuple[float, float]:
         """(v, variance) at ``t_s`` after a position with its variance; NaN if the position is NaN.
 
-        ``omega_rad_s``: leg frequency now; None while the legs stand still or it is unknown. Raises InputError if time
-        does not grow.
+        ``omega_rad_s``: current leg frequency; None while the legs stand still or if it is unknown. Raises InputError
+        if time does not increase.
         """
         seen = bool(np.isfinite(x_m) and np.isfinite(var_m2) and var_m2 > 0)
         self.gaps += not seen
@@ -89,10 +92,10 @@ class HarmonicSpeed:
 
 @lru_cache(maxsize=256)
 def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats, Floats]:
-    """Transition and process noise per unit of the bank, over ``dt``.
+    """Transition matrix and process noise over ``dt`` for a random-walk intensity of 1.
 
-    State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency, left
-    out above Nyquist. Noise by Van Loan.
+    State: x, mean, then (c, s) for each harmonic, with v = mean + Σ c and (c, s) rotating at its frequency; harmonics
+    near or above the Nyquist frequency are left out. Noise by Van Loan's method.
     """
     size = 2 + 2 * harmonics
     drift, source = np.zeros((size, size)), np.zeros((size, size))
@@ -109,9 +112,9 @@ def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats
 
 @numba.njit(cache=True)
 def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: ignore[no-untyped-def]
-    """One step of the bank in place; mean and variance of v over the bank.
+    """One step of the bank, in place; returns mean and variance of v over the bank.
 
-    ``beyond_rad_s``: the first harmonic left out; what is unexplained of x moves about as fast as that.
+    ``beyond_rad_s``: frequency of the first harmonic left out, by which the unexplained position is converted to speed.
     """
     m, k = means.shape
     swap = (1.0 - STAY) / (m - 1)

@@ -1,4 +1,4 @@
-"""The tracker node: both cameras' frames to /landmarks/*, /speed, /speed/mean and /lift."""
+"""The tracker node: publishes /landmarks/*, /speed, /speed/mean and /lift from both cameras' frames."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,17 +19,17 @@ from sandbot_tracking.offline import Sample
 from sandbot_tracking.pixels import grey
 from sandbot_tracking.tracker_parameters import TrackerParameters
 
-_LOOK_S = 0.5
-"""How often it is looked who publishes images."""
+_FOLLOW_S = 0.5
+"""Period of checking the publishers of images."""
 _FROZEN = 50
-"""Equal frames in a row that are no chance."""
+"""Identical frames in a row from which the image is reported as frozen."""
 
 
 class ImageInput:
-    """One camera's images as its driver offers them.
+    """Subscription to one camera's images as its driver offers them.
 
-    Reliable where every publisher is, for then a stall costs no frame; best effort where one is not, which a reliable
-    subscription would not hear at all. Compressed images where nobody publishes raw ones.
+    Reliable if every publisher is, as a stall then loses no frame; best effort otherwise, as a reliable subscription
+    would receive nothing. Compressed images if nobody publishes raw ones.
     """
 
     def __init__(self, owner: Node, raw: Topic, compressed: Topic, callback: Callable[[Any], None]) -> None:
@@ -40,7 +40,7 @@ class ImageInput:
         self.follow()
 
     def follow(self) -> None:
-        """Subscribe anew if the publishers ask for it."""
+        """Subscribe again if the publishers have changed."""
         raw, compressed = self._offers
         found = {topic: node.reliabilities(self._owner, topic) for topic in self._offers}
         topic = compressed if found[compressed] and not found[raw] else raw
@@ -72,14 +72,14 @@ class TrackerNode(Node):
         if "dorsal" not in cameras:
             raise InputError(f"{path}: no 'dorsal' camera in it")
         robot = read_robot(given.robot or config_file("robot.yaml"))
-        # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
+        # Before subscribing: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)
         self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
         self._inputs = [self._input(camera) for camera in self._live.views]
         node.subscription(self, topics.LEG_STATES, self._legs)
         node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
-        self.create_timer(_LOOK_S, self._follow)
+        self.create_timer(_FOLLOW_S, self._follow)
         self._health = node.Health(self, self._values, sole=True)
 
     def _input(self, camera: str) -> ImageInput:
@@ -89,7 +89,7 @@ class TrackerNode(Node):
     def _follow(self) -> None:
         for source in self._inputs:
             source.follow()
-        self._say([])
+        self._publish_samples([])
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -107,7 +107,7 @@ class TrackerNode(Node):
         stamp = messages.nanoseconds(image.header.stamp)
         try:
             pixels = grey(image, self._settings.current.sensor_bits)
-            self._say(self._live.frame(camera, stamp, pixels, self._now_ns()))
+            self._publish_samples(self._live.frame(camera, stamp, pixels, self._now_ns()))
         except InputError as error:
             self._unreadable = f"{camera}: {error}"
             self.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
@@ -115,7 +115,7 @@ class TrackerNode(Node):
     def _led(self, header: Any) -> None:
         self._unreadable = ""
         self._latency.restart()
-        self._say(self._live.led(messages.nanoseconds(header.stamp)))
+        self._publish_samples(self._live.led(messages.nanoseconds(header.stamp)))
 
     def _legs(self, state: Any) -> None:
         given = dict(zip(state.name, state.position, strict=False))
@@ -123,9 +123,9 @@ class TrackerNode(Node):
         if all(leg in given for leg in order):
             angles = np.array([given[leg] for leg in order])
             self._live.legs(messages.nanoseconds(state.header.stamp), angles, self._now_ns())
-            self._say([])
+            self._publish_samples([])
 
-    def _say(self, samples: Sequence[tuple[int, Sample]]) -> None:
+    def _publish_samples(self, samples: Sequence[tuple[int, Sample]]) -> None:
         for t_ns, sample in samples:
             for name in ("com", "front_axle", "rear_axle"):
                 self._publish[name].publish(messages.point(t_ns, getattr(sample, name)))
@@ -145,19 +145,19 @@ class TrackerNode(Node):
         }
         warnings = [self._unreadable, self._latency.warning]
         for camera, view in live.views.items():
-            values |= {f"{camera}_{what}": value for what, value in _of(view).items()}
+            values |= {f"{camera}_{what}": value for what, value in _figures(view).items()}
             counts = live.tracker.counts[camera]
             for what in ("missing", "lost", "reacquired", "ambiguous"):
                 values[f"{camera}_{what}"] = getattr(counts, what)
             warnings += [f"{camera}: {view.clock.warning}" if view.clock.warning else ""]
             warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
-        said = "; ".join(warning for warning in warnings if warning)
-        self._health.level, self._health.text = (1, said) if said else (0, "ok")
+        text = "; ".join(warning for warning in warnings if warning)
+        self._health.level, self._health.text = (1, text) if text else (0, "ok")
         return values
 
 
-def _of(view: View) -> dict[str, object]:
-    """What a camera's clock and stamps came to."""
+def _figures(view: View) -> dict[str, object]:
+    """Statistics of a camera's clock and stamps, for /diagnostics."""
     clock, times = view.clock, view.times
     known = clock.half_width_ns
     return {

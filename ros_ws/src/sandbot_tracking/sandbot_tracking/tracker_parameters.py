@@ -1,4 +1,4 @@
-"""Parameters of the tracker node, and its command line: both are there before ROS is."""
+"""Parameters of the tracker node, and its command line; neither needs ROS."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from sandbot_common.parameters import parameter
 
 @dataclass(frozen=True)
 class TrackerParameters:
-    """What the tracker needs to know."""
+    """Settings of the tracker."""
 
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
-    robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. One that /trial tells goes before it")
+    robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. That in /trial takes precedence")
     pair_tolerance_s: float = parameter(
-        0.0, unit="s", doc="how far apart two views of one instant may be; 0: half a frame period", low=0.0, high=0.5
+        0.0, unit="s", doc="largest time between two views of one instant; 0: half a frame period", low=0.0, high=0.5
     )
     sensor_bits: int = parameter(16, doc="bits that a camera of 16-bit encoding fills", low=8, high=16)
     latency_budget_s: float = parameter(

@@ -1,12 +1,12 @@
-"""One trial's landmarks and leg angles to its observables: mean speed, lift, peak speed, first step.
+"""A trial's observables from landmarks and leg angles: mean speed, lift, peak speed, first step.
 
-Definitions: docs/architecture.md. Time is read from the measured leg angles, as legs may turn slower than commanded. A
-*step* ends at a *handover*: both tripods are equally far from straight below, one past it, the other
-before it. From one to the next the mean of all unwrapped angles grows by exactly π, whatever the gait.
+Definitions: docs/architecture.md. Phase is taken from the measured leg angles, as legs may turn slower than commanded.
+A *step* ends at a *handover*, where both tripods are at the same angle from straight down, one after it and the other
+before it. From one handover to the next the mean of all unwrapped angles grows by exactly π, whatever the gait.
 
-Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly
-different length do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the
-folded curve.
+Steady steps are folded onto one phase axis (fold.py), each between its own two rest positions, so that small
+differences in length do not smear the curve. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest
+point of the folded curve.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from sandbot_tracking.fold import NotMeasured, peak_height, peak_slope
 Floats = NDArray[np.float64]
 
 SWIMMING_SLACK = 0.8
-"""A swimmer's peak is its mean speed, measured to better than this."""
+"""Smallest plausible ratio of peak to mean speed: 1 for a swimmer, less the error of the peak."""
 
 STARTS_IN_STEP = np.pi / 4
-"""Legs that start so far [rad] from where a step begins make no whole first step."""
+"""Largest distance [rad] of the legs' start from the beginning of a step for a first step to be defined."""
 
 NO_LIFT_M, FAR_ABOVE = 1e-4, 4.0
-"""A body that rises less than this is not carried by its legs; a peak so many times the mean would need it to be."""
+"""A body that rises less than NO_LIFT_M is not carried by its legs, and its peak is below FAR_ABOVE times the mean."""
 
 
 @dataclass(frozen=True)
 class TrialSummary:
-    """What one trial measured; NaN where it could not be, and then ``reason`` says why."""
+    """The observables of one trial; NaN if not measurable, with the reason in ``reason``."""
 
     speed_m_s: float
     """Mean forward speed over whole steady periods."""
@@ -47,14 +47,14 @@ class TrialSummary:
     frames: int
     """Frames since the start."""
     gaps: int
-    """Frames among them in which a landmark is missing."""
+    """Those of them in which a landmark is missing."""
     cycles: int
     """Whole steady periods used."""
     reason: str
     """Why something is NaN; empty if nothing is."""
 
     def __str__(self) -> str:
-        """One line, in a reader's units."""
+        """One line, in cm/s and mm."""
         numbers = (
             f"speed {self.speed_m_s * 100:.2f} ± {self.speed_sd_m_s * 100:.2f} cm/s, "
             f"peak {self.peak_speed_m_s * 100:.2f} cm/s, lift {self.lift_m * 1000:.2f} mm, "
@@ -85,9 +85,9 @@ def summarise(
     """The observables of a trial whose clock started at ``start_s``.
 
     t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
-    leg_t_s (m,) and leg_angle (m, legs) [rad], wrapped or not, of the shafts. ``robot`` gives what must be added to
-    them (``leg_mount_rad``), and the axles' height where none was seen at rest.
-    Raises InputError if shapes do not fit or time does not grow.
+    leg_t_s (m,) and leg_angle (m, legs) [rad], wrapped or not, of the shafts. ``robot`` gives the angle to add to them
+    (``leg_mount_rad``), and the axle height if it was not seen at rest.
+    Raises InputError if shapes do not match or time does not increase.
     """
     t, x, front, rear = (np.asarray(values, dtype=float) for values in (t_s, com_x_m, front_z_m, rear_z_m))
     z = (front + rear) / 2
@@ -118,9 +118,10 @@ def summarise(
 
 
 def _plausible(peak: float, speed: float, lift: float) -> float:
-    """The peak, unless the fold missed the arc or saw one that is not there. Raises NotMeasured.
+    """The peak speed. Raises NotMeasured if the folded curve missed the arc, or has a spurious one.
 
-    No cycle's largest speed is below its mean, and legs that carry the body far above its mean speed lift it as well.
+    The largest speed of a cycle is not below its mean, and legs that carry the body at far more than its mean speed
+    also lift it.
     """
     if peak < SWIMMING_SLACK * speed:
         raise NotMeasured(f"an arc too short to resolve ({peak:.4f} m/s at a mean of {speed:.4f} m/s)")
@@ -137,7 +138,7 @@ def _check(t: Floats, others: tuple[Floats, ...]) -> None:
 
 
 def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple[Floats, float]:
-    """Times (n,) of the start and of every end of a step after it; how far [rad] the start is before a step's begin.
+    """Times (n,) of the start and of the end of every step after it; and how far [rad] the start is before a handover.
 
     Raises NotMeasured.
     """
@@ -151,7 +152,7 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple
     turned = np.unwrap(angle, axis=0)
     start = np.array([np.interp(start_s, t, leg) for leg in turned.T])
     phase = (turned - start).mean(axis=1)
-    # An encoder may tremble: time is taken at the first passage.
+    # Encoder readings may jitter: the first passage of an angle counts.
     advance = np.maximum.accumulate(phase)
     early = _to_handover(start)
     ends = early + np.pi * np.arange(1, advance[-1] // np.pi + 2)
@@ -164,7 +165,7 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple
 
 
 def _to_handover(angle: Floats) -> float:
-    """How far [-π/2, π/2) the mean angle is before the nearest handover, the first step's begin; leg angles (legs,)."""
+    """How far [-π/2, π/2) the mean angle is before the nearest handover, where the first step begins; (legs,)."""
     tripods = np.angle(np.exp(1j * angle).reshape(2, -1).sum(axis=1))
     return float((-tripods.sum() + np.pi) % (2 * np.pi) - np.pi) / 2
 
@@ -182,13 +183,13 @@ def _first_step(t: Floats, x: Floats, edges: Floats, early: float, reasons: list
 
 
 def position_at(t: Floats, x: Floats, when: float, period: float) -> float:
-    """x at a time: a straight line through the frames within a tenth of a period (at least two); NaN in a gap."""
+    """x at a time, from a straight line through the frames within a tenth of a period (at least two); NaN in a gap."""
     return _line(t, x, when, when, 0.1 * period)[1]
 
 
 def rest_position(t: Floats, x: Floats, when: float, period: float) -> float:
-    """x at the end of a step. A leg may leave the ground less than a frame before: of the lines through the frames
-    before, about and after it the flattest is continued to it.
+    """x at the end of a step. As a leg may leave the ground less than a frame earlier, x is extrapolated from the
+    flattest of the lines through the frames before, around and after the end.
     """
     reach = 0.07 * period
     lines = [_line(t, x, when + shift, when, reach) for shift in (-reach, 0.0, reach)]
@@ -196,7 +197,7 @@ def rest_position(t: Floats, x: Floats, when: float, period: float) -> float:
 
 
 def _line(t: Floats, x: Floats, middle: float, when: float, reach: float) -> tuple[float, float]:
-    """Slope and value at ``when`` of a line through the frames about ``middle``; NaN in a gap."""
+    """Slope and value at ``when`` of a line through the frames around ``middle``; NaN in a gap."""
     frame = float(np.median(np.diff(t)))
     near = np.isfinite(x) & (np.abs(t - middle) <= max(reach, 1.01 * frame))
     if near.sum() < 2 or middle < t[near][0] - 0.51 * frame or middle > t[near][-1] + 0.51 * frame:
@@ -206,7 +207,7 @@ def _line(t: Floats, x: Floats, middle: float, when: float, reach: float) -> tup
 
 
 def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tuple[float, float, int]:
-    """Mean over whole periods after the first, its standard error, and how many periods there were."""
+    """Mean over whole periods after the first, its standard error, and the number of periods."""
     marks = edges[2::2]
     where = np.array([position_at(t, x, when, edges[1] - edges[0]) for when in marks])
     seen = np.flatnonzero(np.isfinite(where))
@@ -222,7 +223,7 @@ def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tupl
 
 
 def steady_steps(t: Floats, x: Floats, edges: Floats, cycles: int) -> _Steps:
-    """The steady steps, cut where the body moves least, so that rest positions are sharp."""
+    """The steady steps, cut at the phase at which the body moves least, so that rest positions are well defined."""
     steady = edges[2 : 2 + 2 * cycles + 1]
     shift = quiet_phase(t, x, steady)
     cuts = steady[:-1] + shift * np.diff(steady)
@@ -247,7 +248,7 @@ def quiet_phase(t: Floats, x: Floats, edges: Floats) -> float:
 
 
 def _rest_height(t: Floats, z: Floats, start_s: float, steps: _Steps, default: float) -> float:
-    """Axle height at rest: before the start, and between steps where that agrees to half a millimetre."""
+    """Axle height at rest: before the start, and also between steps if that agrees to half a millimetre."""
     before = z[np.isfinite(z) & (t <= start_s + 1e-9)]
     span = float(np.median(np.diff(steps.edges)))
     between = z[np.isfinite(z) & (np.abs(t[:, None] - steps.edges).min(axis=1) <= 0.08 * span)]

@@ -1,4 +1,4 @@
-"""Marker videos to landmarks, forward speed and the trial's observables, in one call."""
+"""Landmarks, forward speed and the trial's observables from marker videos, in one call."""
 
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Track:
-    """What ``track`` found, frame by frame: NaN where a marker is missing; positions in the trackway frame."""
+    """The result of ``track``, frame by frame: NaN where a marker is missing; positions in the trackway frame."""
 
     t_s: Floats
     """(n,) since the first frame."""
@@ -49,7 +49,7 @@ class Track:
     summary: TrialSummary | None
     """The trial's observables; None if ``omega_rad_s`` was not given."""
     timing: str = ""
-    """Whose frame rate timed the frames, where calibration and film do not say the same."""
+    """The source of the frame rate, if calibration and films do not agree."""
 
     def __repr__(self) -> str:
         missing = int(np.isnan(self.com_m[:, 0]).sum())
@@ -72,7 +72,7 @@ class Track:
         }
 
     def to_frame(self) -> "DataFrame":
-        """``columns`` as a pandas DataFrame. Raises InputError where pandas is not installed."""
+        """``columns`` as a pandas DataFrame. Raises InputError if pandas is not installed."""
         return data_frame(self.columns(), "columns()")
 
 
@@ -85,12 +85,12 @@ def track(
     start_s: float | None = None,
     robot: str | Path | Robot = SANDBOT,
 ) -> Track:
-    """Follow the markers of a dorsal ``video`` (and a ``lateral`` one, frame by frame in step) to their end.
+    """Track the markers of a dorsal ``video`` and, if given, of a ``lateral`` one that is synchronous frame by frame.
 
-    ``calibration``: a cameras.yaml, or its cameras by name (``dorsal``, ``lateral``); where it gives no frame rate, the
-    film's own times the frames. With ``omega_rad_s``, the rate at which the legs turn from ``start_s`` on (default:
-    when the sync LED goes on, else 0), the result holds the trial's observables, too. ``robot``: a robot.yaml, or what
-    is in it. Raises InputError, naming the argument or file.
+    ``calibration``: a cameras.yaml, or its cameras by name (``dorsal``, ``lateral``); if it gives no frame rate, the
+    film's own is used. With ``omega_rad_s``, the rate at which the legs turn from ``start_s`` on (default: when the
+    sync LED goes on, else 0), the result includes the trial's observables. ``robot``: a robot.yaml or a ``Robot``.
+    Raises InputError, naming the argument or file.
 
     >>> import sandbot_tracking
     >>> found = sandbot_tracking.track("dorsal.avi", "cameras.yaml", lateral="lateral.avi", omega_rad_s=12.0)
@@ -131,8 +131,8 @@ def _cameras(calibration: str | Path | Mapping[str, Camera], wanted: tuple[str, 
 def _follow(
     tracker: OfflineTracker, cameras: Mapping[str, Camera], dorsal: str, lateral: str | None
 ) -> tuple[float | None, str]:
-    """Track the videos to their ends; when the LED of the dorsal camera goes on [s], None if it is not seen to, and
-    whose frame rate that is by."""
+    """Track the videos to their ends; returns when the dorsal camera's LED goes on [s], None if that is not seen, and
+    the note of ``film_rate``."""
     region = cameras["dorsal"].led_region
     led, edge_s = LedEdge(region) if region else None, None
     with Source(dorsal) as top, Source(lateral) if lateral else nullcontext() as side:
@@ -146,7 +146,7 @@ def _follow(
 
 
 def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float, robot: Robot = SANDBOT) -> TrialSummary:
-    """The trial's observables with legs that turn evenly at ω from the start on."""
+    """The trial's observables for legs that turn uniformly at ω from the start on."""
     marks = tracker.landmarks()
     leg_t = np.arange(start_s, marks.t_s[-1] + 1e-9, min(0.005, 0.5 / omega_rad_s))
     turn = omega_rad_s * (leg_t - start_s)

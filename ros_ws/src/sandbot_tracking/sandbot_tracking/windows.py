@@ -1,17 +1,17 @@
-"""Polynomials in windows of a folded step, compiled: the widest window about a centre whose residuals are noise."""
+"""Compiled polynomial fits in windows of a folded step: the widest window around a centre whose residuals are noise."""
 
 import numba
 import numpy as np
 
-from sandbot_tracking.fold import LEAST, LEAST_SPREAD
+from sandbot_tracking.fold import MIN_NOISE, MIN_POINTS
 
 MARGIN = 0.85
-"""Of the widest window that is used: a kink shows late."""
+"""Fraction of the widest window that is used, as a kink is detected late."""
 
 
 @numba.njit(cache=True)
 def widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type: ignore[no-untyped-def]
-    """Whether there is one in ``widths``, falling; slope, level and their standard errors, of a line or a cubic."""
+    """Whether one of the decreasing ``widths`` fits; slope, level and their standard errors, of a line or a cubic."""
     best, found = (0.0, 0.0, 0.0, 0.0), False
     for degree in (1, 3):
         for half in widths:
@@ -27,20 +27,20 @@ def widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type
 
 @numba.njit(cache=True)
 def _fit(phase, value, deviation, noise, advance, centre, half, degree):  # type: ignore[no-untyped-def]
-    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; False if residuals are not noise."""
+    """A polynomial fit in [centre ± half], periodic in the step; False if residuals are not noise."""
     nothing = (0.0, 0.0, 0.0, 0.0)
     turns = np.floor(phase - centre + 0.5)
     place = (phase - centre - turns) / half
     inside = np.abs(place) <= 1.0
     u, y = place[inside], (value - advance * turns)[inside]
-    if u.size < max(LEAST, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or _distinct(u) < degree + 3:
-        return False, nothing  # a slope must not be an extrapolation
+    if u.size < max(MIN_POINTS, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or _distinct(u) < degree + 3:
+        return False, nothing  # the slope would be an extrapolation
     design = np.ones((u.size, degree + 1))
     for power in range(1, degree + 1):
         design[:, power] = design[:, power - 1] * u
     covariance = np.linalg.inv(design.T @ design)
     solution = covariance @ (design.T @ y)
-    noise = max(noise, 1.4826 * np.median(np.abs(deviation[inside])), LEAST_SPREAD)
+    noise = max(noise, 1.4826 * np.median(np.abs(deviation[inside])), MIN_NOISE)
     residual = (y - design @ solution) / noise
     free = u.size - degree - 1
     if residual @ residual > 1.2 * _chi2_99(free) or _runs(residual, u):
@@ -63,7 +63,7 @@ def _chi2_99(free):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _runs(residual, u):  # type: ignore[no-untyped-def]
-    """Whether residuals lean to one side somewhere: a mean over an eighth of the window beyond 3.5 of its sd."""
+    """Whether residuals are systematic: the mean over some eighth of the window exceeds 3.5 standard errors."""
     count, total = np.zeros(8), np.zeros(8)
     for i in range(u.size):
         part = min(int((u[i] + 1) * 4), 7)

@@ -16,8 +16,8 @@ def test_all_is_all_of_its_own_namespace(space, names):
     one._space, one._selection, one._by_name = space, Selection(everything=True), {}
     one._receiver, one._recording = SimpleNamespace(broken=False), SimpleNamespace(stopped=SimpleNamespace(is_set=bool))
     one.get_topic_names_and_types = lambda: [(name, ["std_msgs/msg/String"]) for name in TOPICS]
-    one._look_at, one._announce = lambda name, _: looked_at.append(name) or False, lambda _: None
-    one._look_around()
+    one._update_source, one._announce = lambda name, _: looked_at.append(name) or False, lambda _: None
+    one._poll_graph()
     assert looked_at == names
 
 

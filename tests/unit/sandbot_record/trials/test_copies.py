@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_record.trials.copies import counted_once
+from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.frame import from_frame
 from sandbot_record.trials.read import read
 from sandbot_record.trials.table import Row
@@ -32,27 +32,27 @@ def pasted(rows, times=2):
 
 
 def copies(rows):
-    return [row.trial_id for row in counted_once(rows)[0] if row.status.startswith("a copy of ")]
+    return [row.trial_id for row in mark_copies(rows)[0] if row.status.startswith("a copy of ")]
 
 
 @pytest.mark.parametrize("times", [2, 3])
 @pytest.mark.parametrize("how", [{}, {"decimals": 3}, {"decimals": 2, "replicates": 1, "missed": 1e-3}])
 def test_of_a_table_that_was_pasted_several_times_each_trial_counts_once(how, times):
     rows = table(**how)
-    found, said = counted_once(pasted(rows, times))
+    found, said = mark_copies(pasted(rows, times))
     counted = [replace(row, trial_id=row.trial_id[:-2]) for row in found if row.status == "ok"]
     assert sorted(counted, key=str) == sorted(rows, key=str)
-    assert said == [f"{(times - 1) * len(rows)} trials are copies of others, to the last digit, and count once"]
+    assert said == [f"{(times - 1) * len(rows)} trials are exact copies of others and are counted once"]
 
 
 def test_a_single_copy_is_known_by_its_many_digits_whatever_else_is_said_of_it():
     rows = table()
     rows = [replace(row, lift_m=row.speed_m_s / 7) for row in rows]
     again = replace(rows[2], trial_id="again", replicate=4.0, batch="Tue", peak_speed_m_s=float("nan"))
-    found, said = counted_once([*rows, again])
+    found, said = mark_copies([*rows, again])
     assert found[:-1] == rows
     assert found[-1].status == f"a copy of {rows[2].trial_id}"
-    assert said == ["1 trials are copies of others, to the last digit, and count once"]
+    assert said == ["1 trials are exact copies of others and are counted once"]
 
 
 def test_a_metre_by_the_stopwatch_has_many_digits_and_is_no_copy():
@@ -74,7 +74,7 @@ def test_where_rounding_hides_all_scatter_nobody_knows():
 
 def test_trials_that_failed_alike_are_no_copies():
     rows = [replace(row, speed_m_s=math.nan, status="no markers") for row in pasted(table())]
-    assert counted_once(rows) == (rows, [])
+    assert mark_copies(rows) == (rows, [])
 
 
 def test_by_either_door(tmp_path):
@@ -84,5 +84,5 @@ def test_by_either_door(tmp_path):
     frame.to_csv(tmp_path / "t.csv", index=False)
     for trials in (read(tmp_path / "t.csv"), from_frame(frame)):
         assert (len(trials), int(trials.usable.sum())) == (24, 12)
-        assert trials.unread == ("12 trials are copies of others, to the last digit, and count once",)
+        assert trials.unread == ("12 trials are exact copies of others and are counted once",)
         assert trials.status[12] == "a copy of row2"

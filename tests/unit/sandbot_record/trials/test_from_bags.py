@@ -175,7 +175,7 @@ def test_what_is_kept_of_another_recipe_or_torn_is_not_taken(tmp_path, change):
 
 def test_a_table_that_is_interrupted_goes_on_from_what_was_kept(tmp_path, monkeypatch):
     folder = campaign(tmp_path)
-    monkeypatch.setattr(table, "_KEPT_EACH", 1)
+    monkeypatch.setattr(table, "_CACHE_EVERY", 1)
     read_bag = table._row_or_reason
 
     def interrupted(bag):
@@ -250,7 +250,7 @@ def test_what_a_person_says_of_trials_outlives_trials_that_come(tmp_path):
     (folder / "trials" / "t9").rename(tmp_path / "t9")
     report = table.make(folder)
     assert report.trials.status.tolist() == ["camera knocked", "ok", "ok"]
-    assert report.trials.unread == ("trials.csv says otherwise than the bags of t0, and counts",)
+    assert report.trials.unread == ("trials.csv differs from the bags of t0, and is used",)
 
 
 @pytest.mark.parametrize("as_old", [False, True])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_record.trials.order import by_the_clock
+from sandbot_record.trials.order import ordered_by_start
 from sandbot_record.trials.read import read
 from sandbot_record.trials.table import Row
 
@@ -22,27 +22,27 @@ def orders(some):
 @given(st.permutations(range(8)))
 def test_the_clock_tells_the_order_that_nobody_has_numbered(places):
     some = rows(*(f"2026-11-25T10:{place:02d}:00+00:00" for place in places))
-    assert orders(by_the_clock(some, joined=False)) == [place + 1 for place in places]
+    assert orders(ordered_by_start(some, joined=False)) == [place + 1 for place in places]
 
 
 def test_zones_are_minded():
     some = rows("2026-11-25T12:30:00+02:00", "2026-11-25T11:00:00Z", "2026-11-25T10:00:00+00:00")
-    assert orders(by_the_clock(some, joined=False)) == [2, 3, 1]
+    assert orders(ordered_by_start(some, joined=False)) == [2, 3, 1]
 
 
 @given(st.permutations([4, 4, 5, 5, 5, 6]))
 def test_trials_of_a_day_whose_hour_nobody_tells_share_their_place(days):
     """In the order of a table's rows they would drift with whatever it is sorted by."""
     place = {4: 1.5, 5: 4.0, 6: 6.0}
-    assert orders(by_the_clock(rows(*(f"2026-05-0{day}" for day in days)), joined=False)) == [
+    assert orders(ordered_by_start(rows(*(f"2026-05-0{day}" for day in days)), joined=False)) == [
         place[day] for day in days
     ]
 
 
 def test_numbers_stand_unless_several_tables_count_alike():
     some = rows("2026-11-25T10:02:00", "2026-11-25T10:01:00", run_order=5.0)
-    assert by_the_clock(some, joined=False) is None
-    assert orders(by_the_clock(some, joined=True)) == [2, 1]
+    assert ordered_by_start(some, joined=False) is None
+    assert orders(ordered_by_start(some, joined=True)) == [2, 1]
 
 
 @pytest.mark.parametrize(
@@ -50,13 +50,13 @@ def test_numbers_stand_unless_several_tables_count_alike():
     [("", ""), ("2026-11-25T10:00:00", ""), ("2026-11-25T10:00:00", "noon"), ("2026-11-25T10:00", "2026-11-25T11:00Z")],
 )
 def test_a_clock_that_does_not_tell_all_changes_nothing(started):
-    assert by_the_clock(rows(*started), joined=True) is None
+    assert ordered_by_start(rows(*started), joined=True) is None
 
 
 def test_a_trial_that_failed_needs_no_time():
     some = [*rows("2026-11-25T10:02:00", "2026-11-25T10:01:00"), Row(trial_id="lost", status="no markers")]
-    assert orders(by_the_clock(some, joined=False))[:2] == [2, 1]
-    assert math.isnan(by_the_clock(some, joined=False)[2].run_order)
+    assert orders(ordered_by_start(some, joined=False))[:2] == [2, 1]
+    assert math.isnan(ordered_by_start(some, joined=False)[2].run_order)
 
 
 def test_days_in_tables_of_their_own_follow_each_other(tmp_path):
@@ -87,7 +87,7 @@ def days(tmp_path, *numbers, more=""):
 def test_days_that_each_begin_with_1_follow_each_other_as_they_were_given_and_that_is_said(tmp_path):
     paths, found, said = days(tmp_path, (1, 2, 3), (1, 2), (2, 1))
     assert found.run_order.tolist() == [1, 2, 3, 4, 5, 7, 6]
-    assert [clause.split(",")[0] for clause in said] == [f"run_order begins anew in {path}" for path in paths[1:]]
+    assert [clause.split(",")[0] for clause in said] == [f"run_order starts again in {path}" for path in paths[1:]]
 
 
 def test_numbers_that_tables_share_among_them_stand(tmp_path):

@@ -16,7 +16,7 @@ from sandbot_record.trials.table import COLUMNS, Row, from_rows
 
 GOOD = "phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n"
 LIFT = "phi,omega_rad_s,speed_m_s,{}\n.6,8,.2,.005\n"
-DAYS = "no batch is told: the trials of each table are taken for those of one day"
+DAYS = "no batch is given: each table is treated as the trials of one day"
 
 
 def write(tmp_path, text, name="t.csv"):
@@ -83,7 +83,7 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ),
         (
             "trial_id,phi,omega_rad_s,speed_m_s\nMean,.6,8,.2\n",
-            "row 2, column trial_id: 'Mean' is no trial",
+            "row 2, column trial_id: 'Mean' is a summary, not a trial",
         ),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
         (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
@@ -178,7 +178,7 @@ def test_rows_of_two_days_are_replicates_however_alike_and_a_table_given_twice_i
     assert (len(both), both.unread) == (6, (DAYS,))
     again = read([first, second, first])
     assert len(again) == 6
-    assert again.unread == (f"3 trials of {first} are in what was given before it, and count once", DAYS)
+    assert again.unread == (f"3 trials of {first} are also in the data before it and are counted once", DAYS)
 
 
 def test_trials_that_are_numbered_anew_each_day_are_replicates_too(tmp_path):
@@ -407,7 +407,7 @@ def test_a_day_is_one_however_a_spreadsheet_writes_its_number(tmp_path):
 def test_days_of_almost_one_name_are_two_and_that_is_said(tmp_path):
     table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,day\n0.6,8,0.1,Mon\n0.6,8,0.11,mon\n0.6,8,0.1,Tue\n"))
     assert table.batch.tolist() == ["Mon", "mon", "Tue"]
-    assert table.unread == ("batches Mon and mon are taken for 2",)
+    assert table.unread == ("batches Mon and mon are treated as 2 batches",)
 
 
 def test_two_columns_that_nobody_reads_may_have_one_name(tmp_path):
@@ -455,7 +455,7 @@ def test_a_table_in_other_units_or_with_fewer_digits_is_the_same_table(tmp_path)
     ):
         both = read([full, other])
         assert len(both) == 9
-        assert both.unread[0] == f"9 trials of {other} are in what was given before it, and count once"
+        assert both.unread[0] == f"9 trials of {other} are also in the data before it and are counted once"
 
 
 def test_trials_of_one_name_and_day_are_two_where_no_time_is_told(tmp_path):
@@ -476,4 +476,4 @@ def test_files_with_a_mark_of_their_encoding_may_be_put_behind_each_other(tmp_pa
 
 def test_that_a_column_marks_trials_is_no_reason_to_leave_them_out_and_that_is_said(tmp_path):
     table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,Exclude\n0.6,8,0.21,yes\n0.6,8,0.2,\n"))
-    assert table.unread[0] == "what Exclude says of trials is not read: to leave some out takes a status, not ok"
+    assert table.unread[0] == "Exclude is not read: to exclude a trial, give it a status other than ok"

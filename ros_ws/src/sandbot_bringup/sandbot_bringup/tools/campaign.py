@@ -199,7 +199,7 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
     if not table.bags_in(folder.trials):
         return {}
-    found = table.look_at(folder.path)
+    found = table.report_of(folder.path)
     bad = [row for row in found.trials.rows() if row.status != OK and row.trial_id in found.bags]
     lost = {bag.name: why.removeprefix(f"{bag}: ") for bag, why in found.skipped.items()}
     return lost | {found.bags[row.trial_id].name: row.status for row in bad}

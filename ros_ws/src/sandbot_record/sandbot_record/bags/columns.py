@@ -1,9 +1,8 @@
 """Equal-length messages of one topic as numpy columns, many at a time.
 
-CDR puts the same field of the same type at the same place as long as the strings and array lengths before it stay the
-same. So one message is walked with its type's definition, and where every other message agrees with it in all strings
-and lengths, the numbers of all are taken out at once, as a view. Messages that differ (another frame name, another
-number of joints) form a group of their own.
+In CDR the offset of a field depends only on the strings and array lengths before it. So one message is parsed with its
+type's definition, and the numbers of all messages with the same strings and lengths are extracted at once, as a view.
+Messages that differ (another frame name, another number of joints) form a group of their own.
 """
 
 import sys
@@ -38,14 +37,14 @@ class Field:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where everything lies: numeric fields by dotted name, and the bytes (strings, counts) that decide it."""
+    """Layout of a message: numeric fields by dotted name, and the bytes (strings, counts) that determine it."""
 
     fields: dict[str, Field]
     structure: NDArray[np.int64]
 
 
 def layout_of(cdr: bytes | memoryview, interface: Interface) -> Layout:
-    """The layout of one message. Raises InputError if the bytes are not such a message."""
+    """The layout of one message. Raises InputError if the bytes are not a message of this type."""
     types = interface.types
     if len(cdr) < 4 or cdr[0] or cdr[1] > 1:
         raise InputError(f"{len(cdr)} bytes are not a {interface.type}: no plain CDR header")
@@ -57,7 +56,7 @@ def layout_of(cdr: bytes | memoryview, interface: Interface) -> Layout:
 def gather(rows: Bytes, interface: Interface, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     """The named fields of messages of equal length, ``rows`` (n, length): arrays (n,) or, for array fields, (n, k).
 
-    Raises InputError if a message is not of this type, has no such field or another number of values than the first.
+    Raises InputError if a message is not of this type, lacks a field, or has another number of values than the first.
     """
     result: dict[str, NDArray[Any]] = {}
     unread, groups = np.arange(len(rows)), 0
@@ -93,7 +92,7 @@ def _take(
 
 
 class _Walker:
-    """Walks one message along its type's definition and notes where the numbers are."""
+    """Parses one message by its type's definition and notes where the numbers are."""
 
     def __init__(self, cdr: bytes | memoryview, order: str, types: Typestore) -> None:
         self._cdr, self._order, self._types, self._at = cdr, order, types, 4

@@ -1,4 +1,4 @@
-"""Which channel of a storage file is which topic, and how its messages are written."""
+"""The topic of each channel of a storage file, and how its messages are encoded."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,22 +10,22 @@ from sandbot_record.bags.interfaces import JAZZY, Interface
 
 @dataclass
 class Definitions:
-    """Of one file: topics and schemas by their ids; the ``release`` defines the types the file does not."""
+    """Topics and schemas of one file by id; types that the file does not define are those of ``release``."""
 
     release: str = JAZZY
     topics: dict[int, metadata.TopicInfo] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
 
     def learn(self, record: Schema | Channel) -> None:
-        """Take a schema or channel record; the first of an id is kept."""
+        """Add a schema or channel record; of several with one id the first is kept."""
         if isinstance(record, Schema):
             self.schemas.setdefault(record.id, record)
             return
         schema = self.schemas.get(record.schema_id)
         if schema is None and record.schema_id:
-            return  # a summary may repeat channels without their schemas: the type is known further on
+            return  # a summary may repeat channels without their schemas, which then come later
         topic = self.topics.setdefault(record.id, self._topic(record, schema))
-        # One that metadata.yaml has told lacks the definition.
+        # A topic known from metadata.yaml still lacks its definition.
         if topic.interface.schema is None and schema is not None and _full_name(schema.name) == topic.type:
             self.topics[record.id] = replace(topic, interface=replace(topic.interface, schema=schema))
 

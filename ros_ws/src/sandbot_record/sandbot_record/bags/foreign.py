@@ -26,9 +26,9 @@ def is_foreign(path: Path, info: metadata.BagInfo | None) -> bool:
 
 
 def items(bag: Path, files: list[Path], definitions: Definitions) -> Iterator[tuple[Batch, Definitions]]:
-    """All messages in batches, with the definitions, to which theirs are added.
+    """All messages in batches, each with ``definitions``, to which the bag's own are added.
 
-    Raises InputError with rosbags' reason if it can't read it.
+    Raises InputError with rosbags' reason if rosbags can't read the bag.
     """
     try:
         with Reader(bag) as reader:

@@ -36,8 +36,8 @@ def encode_jpeg(pixels: Pixels) -> bytes:
 def pixels_of(cdr: bytes | memoryview, aim: str) -> tuple[Any, Pixels]:
     """A CDR sensor_msgs/Image and its pixels (height, width[, 3]), a view.
 
-    Raises InputError, naming the ``aim``, if it is neither mono8 nor bgr8 or has no pixels, or if its size is not that
-    of its rows.
+    Raises InputError, naming the ``aim``, if it is neither mono8 nor bgr8, has no pixels, or has another size than its
+    height and step give.
     """
     image = interfaces.decode(cdr, RAW)
     channels = _CHANNELS.get(image.encoding)
@@ -65,13 +65,13 @@ def to_jpeg(cdr: bytes | memoryview) -> bytes:
 
 
 def from_jpeg(cdr: bytes | memoryview) -> bytes:
-    """A CDR CompressedImage as a CDR sensor_msgs/Image of encoding mono8. Raises InputError if it is no picture."""
+    """A CDR CompressedImage as a CDR sensor_msgs/Image (mono8). Raises InputError if it can't be decoded."""
     message = interfaces.decode(bytes(cdr), JPEG)
     return to_image(message.header, grey_of_jpeg(message.data))
 
 
 def grey_of_jpeg(data: Pixels) -> Pixels:
-    """Pixels (height, width) of a JPEG file's bytes. Raises InputError if it is no picture."""
+    """Pixels (height, width) of a JPEG file's bytes. Raises InputError if it can't be decoded."""
     import cv2
 
     pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None

@@ -1,7 +1,8 @@
 """Message types without ROS: definition text, type hash and decoding, from rosbags' type stores.
 
-A bag is read by its own definitions (``Interface``): sensor_msgs/Range, for one, has a field more since Iron. Where a
-file carries none, those of the release that wrote it count; what is written here is ROS 2 Jazzy's.
+A bag is read by its own definitions (``Interface``), because types change: sensor_msgs/Range, for example, has an
+additional field since Iron. Where a file carries no definitions, those of the release that wrote it are used. Bags
+written here use ROS 2 Jazzy's.
 """
 
 import re
@@ -55,14 +56,14 @@ def type_hash(type_name: str) -> str:
 
 
 def decode(cdr: bytes | memoryview, type_name: str) -> Any:
-    """The message in ``cdr`` by Jazzy's definition; any fault in the bytes is an InputError."""
+    """The message in ``cdr`` by Jazzy's definition. Raises InputError on any fault in the bytes."""
     return _standard(type_name).decode(cdr)
 
 
 @dataclass(frozen=True)
 class Interface:
-    """How messages are written in one bag: ``encoding`` of their bytes, and the ``schema`` the file carries of their
-    type (None if it has none; then the definition of the ``release`` counts).
+    """A message type as one bag has it: the ``encoding`` of the bytes, and the ``schema`` from the file (None: the file
+    has none, and the definition of the ``release`` applies).
     """
 
     type: str
@@ -72,7 +73,7 @@ class Interface:
     release: str = JAZZY
 
     def check_cdr(self) -> None:
-        """Raise InputError if the messages are not CDR, the one encoding that is understood here."""
+        """Raise InputError if the messages are not CDR, the only supported encoding."""
         if self.encoding != CDR:
             raise InputError(f"messages are encoded as {self.encoding!r}; only {CDR} can be decoded")
 
@@ -83,7 +84,7 @@ class Interface:
 
     @property
     def types(self) -> Typestore:
-        """The store in which the type is defined as here. Raises InputError if its messages can't be decoded."""
+        """The store that defines the type as this bag does. Raises InputError if its messages can't be decoded."""
         self.check_cdr()
         if self._types is None:
             raise InputError(f"message type {self.type!r} is not one of ROS 2 Jazzy's standard types")
@@ -91,7 +92,7 @@ class Interface:
 
     @cached_property
     def _types(self) -> Typestore | None:
-        # A hash is made of the definition: where it is Jazzy's, a schema that a flipped bit has changed is not asked.
+        # The hash covers the definition: if it is Jazzy's, a schema damaged by a flipped bit does no harm.
         if self.hash and known(self.type) and self.hash == type_hash(self.type):
             return store()
         own = _defined_by(self.type, self.schema.encoding, self.schema.data) if self.schema else None
@@ -99,7 +100,7 @@ class Interface:
         return types if self.type in types.fielddefs else None
 
     def decode(self, cdr: bytes | memoryview) -> Any:
-        """The message in ``cdr``. Any fault in the bytes is an InputError, and so is a type or encoding not known."""
+        """The message in ``cdr``. Raises InputError on any fault in the bytes and on an unknown type or encoding."""
         little, big, make, types = self._decoders
         try:
             order = cdr[1]
@@ -108,19 +109,19 @@ class Interface:
             message, end = (little if order else big)(cdr[4:], 0, make, types)
             if end + 7 < len(cdr):
                 raise ValueError
-        except Exception as error:  # rosbags raises whatever numpy, struct or its generated code stumbles over
+        except Exception as error:  # rosbags passes on any error of numpy, struct or its generated code
             raise InputError(f"{len(cdr)} bytes are not a {self.type} ({type(error).__name__})") from None
         return message
 
     @cached_property
     def _decoders(self) -> tuple[Callable[..., Any], Callable[..., Any], Any, Typestore]:
-        """rosbags' generated functions for both byte orders and the message's class: found once, not once a message."""
+        """rosbags' generated functions for both byte orders and the message's class, cached."""
         found = self.types.get_msgdef(self.type)
         return found.deserialize_cdr_le, found.deserialize_cdr_be, found.cls, self.types
 
     def described(self) -> "Interface":
-        """The same, to be written into another file: with its schema as it was, or one made where there is no sound
-        one. Of what can't be decoded nothing is changed.
+        """The interface to write into another file: with its own schema, or with a generated one where that is missing
+        or invalid. Unchanged if its messages can't be decoded.
         """
         if not self.known:
             return self
@@ -139,12 +140,13 @@ def _standard(type_name: str) -> Interface:
 
 @lru_cache(maxsize=512)
 def _defined_by(type_name: str, encoding: str, text: bytes) -> Typestore | None:
-    """A store with the types that a schema's text defines: Jazzy's where they are no other; None if it is no such text.
+    """A store with the types that a schema's text defines; Jazzy's own store if they are the same, None if the text is
+    invalid.
 
-    What the text leaves out is taken from Jazzy.
+    Types that the text leaves out are taken from Jazzy.
     """
     standard = store()
-    if known(type_name) and text == definition(type_name).encode():  # as every bag of ours has it
+    if known(type_name) and text == definition(type_name).encode():  # true of every bag that BagWriter wrote
         return standard
     if not text.strip():
         return None
@@ -156,7 +158,7 @@ def _defined_by(type_name: str, encoding: str, text: bytes) -> Typestore | None:
         own.fielddefs = standard.fielddefs | own.fielddefs
         own.types = standard.types | own.types
         own.get_msgdef(type_name), own.hash_rihs01(type_name)
-    except Exception:  # rosbags' parsers and generators raise whatever a text makes them stumble over
+    except Exception:  # rosbags' parsers and generators raise errors of many kinds on an invalid text
         return None
     return own
 
@@ -166,7 +168,7 @@ def _parsed(type_name: str, encoding: str, text: str) -> dict[str, Any]:
         return get_types_from_msg(text, type_name)
     if encoding != ROS2IDL:
         raise ValueError(encoding)
-    # Each part begins with a line that names its type; what it includes is a part, too.
+    # Each part begins with a line that names its type; included types have parts of their own.
     parts = [part.partition("\n")[2] for part in _IDL_INCLUDE.sub("", text).split(_IDL_PART)[1:]] or [text]
     return {name: found for part in parts for name, found in get_types_from_idl(part).items()}
 

@@ -1,7 +1,7 @@
-"""One .mcap file read block by block, whole or damaged: what is intact comes out, what is not is named.
+"""Reads one .mcap file, possibly damaged, block by block: yields what is intact and reports what is not.
 
 Nothing in the file is trusted: every length is checked against the file, every chunk against its CRC, and after damage
-the search goes on at the next place where a chunk's header agrees with itself. MCAP 1.0: https://mcap.dev/spec.
+scanning resumes at the next consistent chunk header. MCAP 1.0: https://mcap.dev/spec.
 """
 
 import re
@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 768 << 20
-"""Bytes a compressed chunk may become: a larger figure is damage (and would eat the memory). A chunk ends with the
-message that fills it, and what the recorder takes is smaller (``recording.Limits``)."""
+"""Largest uncompressed size of a chunk [bytes]: a larger figure is damage (and would exhaust the memory). A chunk ends
+with the message that fills it, and the recorder accepts only smaller ones (``recording.Limits``)."""
 _RUN = 32 << 20
-"""Bytes of unchunked messages that are read together."""
+"""Largest run of unchunked messages that is read at once [bytes]."""
 
 Definition: TypeAlias = Schema | Channel
 _PARSED = {
@@ -55,7 +55,7 @@ _CHUNK_HEAD = re.compile(
 
 @dataclass(frozen=True)
 class Lost:
-    """Messages of one channel that were in a damaged chunk, by the index that follows it; times [ns]."""
+    """Messages of one channel in a damaged chunk, according to the index that follows it; times [ns]."""
 
     channel: int
     count: int
@@ -65,7 +65,7 @@ class Lost:
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes [start, end) of the file that can't be used, why, and which messages are lost if that can be told."""
+    """Unusable bytes [start, end) of the file, the reason, and which messages are lost, if known."""
 
     start: int
     end: int
@@ -77,8 +77,8 @@ class Damage:
 class Batch:
     """The messages of one chunk (or of a run of unchunked ones), in file order; ``rows`` is (n,) of the header fields.
 
-    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them,
-    ``checked`` says that a CRC vouches for the bytes.
+    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them;
+    ``checked``: a CRC confirmed the bytes.
     """
 
     offset: int
@@ -111,7 +111,7 @@ def is_mcap(data: bytes | memoryview) -> bool:
 
 
 def finished(data: memoryview) -> bool:
-    """Whether the file ends in footer and magic, as a closed one does."""
+    """Whether the file ends in footer and magic bytes, as a properly closed file does."""
     if len(data) < len(MAGIC) + _FOOTER_BYTES + len(MAGIC) or bytes(data[-len(MAGIC) :]) != MAGIC:
         return False
     footer = bytes(data[-len(MAGIC) - _FOOTER_BYTES :][:9])
@@ -130,7 +130,7 @@ def _summary_records(data: memoryview) -> Iterator[tuple[int, int, int]] | None:
 
 
 def stated_count(data: memoryview) -> int | None:
-    """How many messages the summary says the file holds; None if it does not say, or is damaged."""
+    """The message count in the summary; None if there is none, or the summary is damaged."""
     for opcode, at, length in _summary_records(data) or ():
         if opcode == Opcode.STATISTICS and length >= 8:
             return int.from_bytes(data[at : at + 8], "little")
@@ -153,7 +153,7 @@ def summary(data: memoryview) -> list[Definition] | None:
 
 
 def scan(data: memoryview) -> Iterator[Item]:
-    """Everything in the data section, in file order, Damage where something is not usable."""
+    """Everything in the data section, in file order, with a Damage for each part that is not usable."""
     at, size = len(MAGIC), len(data)
     if not is_mcap(data):
         at = 0
@@ -179,7 +179,7 @@ def scan(data: memoryview) -> Iterator[Item]:
                 if isinstance(item, Damage):
                     if not _plausible(data, end):
                         end = _next_chunk(data, at + 1)
-                    item = replace(item, end=end, lost=_indexed(data, end))
+                    item = replace(item, end=end, lost=_lost_by_index(data, end))
                 yield item
         elif opcode in _PARSED:
             record = _parse(opcode, data[at + 9 : end])
@@ -188,7 +188,7 @@ def scan(data: memoryview) -> Iterator[Item]:
 
 
 def batch_at(data: memoryview, offset: int) -> Batch:
-    """The batch that ``scan`` found at this offset, once more."""
+    """Read again the batch that ``scan`` found at this offset."""
     if data[offset] == Opcode.CHUNK:
         end = offset + 9 + (_length(data, offset) or 0)
         found = _chunk(data, offset, end)
@@ -205,8 +205,8 @@ def _length(data: memoryview, at: int) -> int | None:
     return length if at + 9 + length <= len(data) else None
 
 
-def _indexed(data: memoryview, at: int) -> tuple[Lost, ...]:
-    """What the message indexes that begin at ``at`` say was in the chunk before them."""
+def _lost_by_index(data: memoryview, at: int) -> tuple[Lost, ...]:
+    """The messages of the damaged chunk before ``at``, according to the message indexes that begin there."""
     lost = []
     for opcode, start, length in _records(data, at, len(data)):
         if opcode != Opcode.MESSAGE_INDEX or length < 22 or (length - 6) % 16:
@@ -222,7 +222,7 @@ def _plausible(data: memoryview, at: int) -> bool:
 
 
 def _next_chunk(data: memoryview, at: int) -> int:
-    """The next offset from ``at`` on where a whole chunk's lengths agree with one another; the file's end if none."""
+    """The next offset from ``at`` on of a chunk whose lengths are consistent; the file's end if there is none."""
     for match in _CHUNK_HEAD.finditer(data, at):
         start = match.start()
         length = _length(data, start)
@@ -232,7 +232,7 @@ def _next_chunk(data: memoryview, at: int) -> int:
 
 
 def _chunk_body(data: memoryview, at: int, end: int) -> tuple[int, int, str, int] | None:
-    """Uncompressed size, CRC, compression and offset of the compressed bytes; None if the lengths disagree."""
+    """Uncompressed size, CRC, compression and offset of the compressed bytes; None if the lengths are inconsistent."""
     if end - at < 9 + 40:
         return None
     size, crc, name_length = struct.unpack_from("<QII", data, at + 25)
@@ -265,9 +265,9 @@ def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
 
 
 def _by_index(content: bytes | memoryview, data: memoryview, at: int, offset: int) -> Batch | None:
-    """The batch of a chunk whose CRC is right, by the message indexes at ``at``, without a step for each message.
+    """The batch of a chunk whose CRC is right, from the message indexes at ``at``, without a loop over messages.
 
-    None unless the indexed messages fill the chunk without a gap: then walking through it is the only way.
+    None if the indexed messages do not fill the chunk without a gap: then the chunk must be parsed record by record.
     """
     found = []
     for opcode, start, length in _records(data, at, len(data)):
@@ -295,7 +295,7 @@ def _headers(data: bytes | memoryview, starts: NDArray[np.int64]) -> NDArray[np.
 
 
 def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
-    """The chunk's content of exactly ``size`` bytes; None if that is not what comes out."""
+    """The chunk's content, exactly ``size`` bytes; None if it can't be decompressed to that."""
     if compression and size > CHUNK_LIMIT:
         return None
     try:
@@ -357,7 +357,7 @@ def _batch(
 
 
 def _parse(opcode: int, content: bytes | memoryview) -> Header | Schema | Channel | Metadata | Attachment | None:
-    """The record, None if the bytes do not make one."""
+    """The record; None if the bytes are not a valid one."""
     try:
         record = _PARSED[Opcode(opcode)].read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, ValueError, OverflowError, MemoryError):

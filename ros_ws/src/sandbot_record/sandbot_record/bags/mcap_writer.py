@@ -1,9 +1,8 @@
-"""One .mcap file, written so that a crash costs what was not flushed and a damaged chunk costs itself.
+"""Writes one .mcap file such that a crash loses only what was not flushed, and a damaged chunk only itself.
 
-The records are `mcap`'s; the chunks are put together here because three things are needed that `mcap.writer` does not
-do: schemas and channels stand outside the chunks (a damaged first chunk takes nobody with it), a chunk goes to the file
-as the list of its parts without being copied together, and its CRC grows as the parts come. MCAP 1.0:
-https://mcap.dev/spec.
+The records are `mcap`'s; the chunks are assembled here because `mcap.writer` lacks three things: schemas and channels
+are written outside the chunks (so damage to the first chunk does not make the others unreadable), a chunk is written as
+a list of parts without concatenating them, and its CRC is updated as the parts arrive. MCAP 1.0: https://mcap.dev/spec.
 """
 
 import os
@@ -38,18 +37,18 @@ from mcap.records import (
 MAGIC = b"\x89MCAP0\r\n"
 COMPRESSIONS = ("none", "lz4", "zstd")
 ROS2 = "ros2"
-"""The profile of a file that keeps to what ROS 2 asks of one."""
+"""The MCAP profile of files that follow the ROS 2 conventions."""
 LIBRARY = "sandbot_record 0.1"
 _MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _INDEX_ENTRY = struct.Struct("<QQ")
 _DATA_END = struct.Struct("<BQI")
 _FOOTER = struct.Struct("<BQQQI")
 _MAX_PARTS = 512
-"""writev takes 1024 parts at once (IOV_MAX)."""
+"""Parts per writev call, which takes at most 1024 (IOV_MAX)."""
 
 
 class McapWriter:
-    """Writes one file. Every method may raise OSError when the disk is full; the file then ends in a torn record."""
+    """Writes one file. Every method may raise OSError when the disk is full; the file then ends in a partial record."""
 
     def __init__(
         self, path: Path, *, compression: str = "none", chunk_size: int = 1 << 20, profile: str = ROS2
@@ -59,7 +58,7 @@ class McapWriter:
 
     @classmethod
     def reopened(cls, path: Path) -> "McapWriter":
-        """A file that this class has closed, to be added to; without a summary until it is closed again."""
+        """Reopen a file that this class closed, to append to it; it has no summary until it is closed again."""
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()
             file.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
@@ -110,15 +109,15 @@ class McapWriter:
         return bool(self._chunks)
 
     def drop_torn(self) -> dict[int, int]:
-        """Discard what a failed write left behind, with the open chunk; the file can then be closed. Returns how many
-        messages of each channel were lost.
+        """Discard the partial record of a failed write and the open chunk, so that the file can be closed. Returns how
+        many messages of each channel were lost.
         """
         dropped = {channel: len(entries) for channel, entries in self._index.items()} if self._parts else {}
         self._start_chunk()
         return self._cut(self._good, dropped)
 
     def drop_last_chunk(self) -> dict[int, int]:
-        """Give up the last closed chunk and all that follows it, so that there is room; the same is returned."""
+        """Discard the last closed chunk and all that follows it to free space; returns the same as ``drop_torn``."""
         start = self._chunks.pop().chunk_start_offset
         return self._cut(start, self._chunk_counts.pop())
 
@@ -137,7 +136,7 @@ class McapWriter:
         return self._offset + self._chunk_bytes
 
     def add_channel(self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping[str, str]) -> int:
-        """Register a channel of messages in an encoding, with a schema (its id is given here) or none; its id."""
+        """Register a channel and return its id; the schema, if any, is given an id here."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
@@ -150,7 +149,7 @@ class McapWriter:
         return len(self._channels)
 
     def _schema_id(self, wanted: Schema) -> int:
-        """The id of a schema, which is written where it is new; 0 stands for none."""
+        """The id of a schema, which is written if it is new."""
         for number, known in enumerate(self._schemas, start=1):
             if replace(wanted, id=number) == known:
                 return number
@@ -196,7 +195,7 @@ class McapWriter:
         self._others.append(index)
 
     def flush(self, *, fsync: bool = False) -> None:
-        """Close the open chunk: what came so far outlives this process (and, with fsync, a power cut)."""
+        """Close the open chunk: the messages so far survive a crash of this process (and, with fsync, a power cut)."""
         self._finish_chunk()
         if fsync:
             os.fdatasync(self._fd)
@@ -210,7 +209,7 @@ class McapWriter:
         self.abandon()
 
     def abandon(self) -> None:
-        """Close the file as it is, without a summary: a torn file that can be recovered."""
+        """Close the file as it is, without a summary: unfinished, but recoverable."""
         fd, self._fd = self._fd, -1
         if fd >= 0:
             os.close(fd)
@@ -266,7 +265,7 @@ class McapWriter:
         self._start_chunk()
 
     def _write_end(self) -> None:
-        """DataEnd, summary and footer in one go, so that a failure leaves the data section's end known."""
+        """Write DataEnd, summary and footer at once, so that after a failure the end of the data section is known."""
         attachments = [index for index in self._others if isinstance(index, AttachmentIndex)]
         metadata = [index for index in self._others if isinstance(index, MetadataIndex)]
         statistics = Statistics(
@@ -311,7 +310,7 @@ class McapWriter:
             done = os.writev(self._fd, parts)
             self._offset += done
             left -= done
-            if left:  # a short write: go on behind what was taken
+            if left:  # a short write: continue after the bytes that were written
                 parts = [memoryview(b"".join(parts))[done:]]
 
 

@@ -1,7 +1,7 @@
 """metadata.yaml of a bag folder: rosbag2 version 9, as `ros2 bag` of Jazzy and rosbags read it.
 
-It is written when recording starts and again when a topic appears, so that types, QoS and hashes outlive any damage to
-the .mcap file, and completed at the end; ``custom_data: state`` says which of the two it is.
+It is written when recording starts and again when a topic appears, so that types, QoS and hashes survive any damage to
+the .mcap file, and completed at the end; ``custom_data: state`` is "recording" until then and "complete" after.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ NAME = "metadata.yaml"
 RECORDING, COMPLETE = "recording", "complete"
 _VERSION = 9
 _NEWEST_VERSIONS = {"humble": 6, "iron": 8}
-"""Of metadata.yaml, as these releases write it; Foxy and Galactic write older ones, and define types as Humble does."""
+"""Version of metadata.yaml in these releases. Foxy and Galactic write older ones, and define types as Humble does."""
 INFINITE = QosTime(9223372036, 854775807)
 
 
@@ -42,13 +42,13 @@ def qos(*, latched: bool = False, depth: int = 50, reliable: bool = True) -> Qos
 
 
 def qos_text(profiles: Sequence[Qos]) -> str:
-    """QoS profiles as the YAML text that stands in an MCAP channel; the same content as in metadata.yaml."""
+    """QoS profiles as YAML text for an MCAP channel; the same content as in metadata.yaml."""
     return files.dump_yaml(dump_qos_v9(list(profiles))) if profiles else ""
 
 
 @lru_cache(maxsize=256)
 def qos_from_text(text: str) -> tuple[Qos, ...]:
-    """QoS profiles from such text; empty where it can't be read."""
+    """QoS profiles from the text of ``qos_text``; empty if it can't be parsed."""
     try:
         return tuple(parse_qos(files.load_yaml(text) or []))
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
@@ -66,7 +66,7 @@ class TopicInfo:
 
     @property
     def type(self) -> str:
-        """Name of its messages' type."""
+        """Name of the message type."""
         return self.interface.type
 
 
@@ -94,8 +94,8 @@ class BagInfo:
 
     @property
     def release(self) -> str:
-        """The ROS 2 release whose types are meant where a file defines none: the one that wrote the bag, told by the
-        version of its metadata.yaml where its name is not (before version 8, or by others than ROS).
+        """The ROS 2 release whose types apply where a file defines none: the one that wrote the bag, inferred from the
+        version of metadata.yaml where it is not named (before version 8, or in bags not written by ROS).
         """
         if has_release(self.distro):
             return self.distro
@@ -108,7 +108,7 @@ class BagInfo:
 
 
 def write(folder: Path, info: BagInfo) -> None:
-    """Write metadata.yaml, whole or not at all."""
+    """Write metadata.yaml atomically."""
     spans = [(file.start_ns, file.end_ns) for file in info.files if file.count]
     start, end = (min(s for s, _ in spans), max(e for _, e in spans)) if spans else (0, 0)
     content = {
@@ -139,7 +139,7 @@ def write(folder: Path, info: BagInfo) -> None:
 
 
 def read(folder: Path) -> BagInfo | None:
-    """What metadata.yaml says, None if there is none. Raises InputError if it is not rosbag2's."""
+    """Contents of metadata.yaml; None if there is no such file. Raises InputError if it is not rosbag2's."""
     path = folder / NAME
     if not path.exists():
         return None

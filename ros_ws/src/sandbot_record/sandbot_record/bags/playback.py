@@ -1,4 +1,4 @@
-"""The replay without ROS: a bag's messages in order of log time, and when each is due on the player's own clock."""
+"""The replay without ROS: a bag's messages in order of log time, and when each is due on the player's clock."""
 
 from bisect import bisect_left
 from collections.abc import Collection, Iterable
@@ -25,8 +25,8 @@ _KEPT_BLOCKS = 16
 class Timeline:
     """The messages of some topics of a bag in order of log time; only an index and a few blocks are held in memory.
 
-    Frames that were recorded as video come as the raw images they were, on their own topic; with ``decode_jpeg`` JPEG
-    messages do, too.
+    Frames recorded as video are returned as raw images on their original topic, and so are JPEG messages with
+    ``decode_jpeg``.
     """
 
     def __init__(self, bag: Bag, topics: Collection[str] | None = None, *, decode_jpeg: bool = False) -> None:
@@ -42,7 +42,7 @@ class Timeline:
         self._videos = {shown[name].name: VideoFrames(file) for name, file in bag.videos.items()}
         self.decoded = [info.name for name, info in wanted.items() if info.name not in (name, *self._videos)]
         """The topics of JPEG messages that are played as raw images."""
-        # What rosbags reads can't be fetched block by block, so it is kept.
+        # What rosbags reads can't be fetched again block by block, so it stays in memory.
         self._kept: list[Batch] | None = [] if foreign.is_foreign(bag.files[0], bag.info) else None
         self._files = [] if self._kept is not None else [reader.mapped(path) for path in bag.files]
         self._blocks: list[tuple[int, int]] = []
@@ -60,7 +60,7 @@ class Timeline:
         return len(self.times_ns)
 
     def __getitem__(self, index: int) -> Message:
-        """Message ``index``; raises InputError if it is a frame that its video does not hold."""
+        """Message ``index``. Raises InputError for a frame that is missing from its video."""
         batch = self._load(int(self._block[index]))
         row = int(self._row[index])
         topic = self._shown[self._topic[index]]
@@ -83,7 +83,7 @@ class Timeline:
         )
 
     def last_before(self, index: int, topic: str) -> int | None:
-        """The place of a topic's last message before ``index``; None if there is none."""
+        """The index of a topic's last message before ``index``; None if there is none."""
         number = [info.name for info in self._shown].index(topic)
         places = np.flatnonzero(self._topic[:index] == number)
         return int(places[-1]) if places.size else None
@@ -127,7 +127,7 @@ def _is_latched(info: metadata.TopicInfo) -> bool:
 
 
 def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:
-    """The topic as it is played: the image topic for the index of its video, and for its JPEG if asked."""
+    """The topic as it is played: the image topic in place of a video's frame index and, if asked, of JPEG messages."""
     image = video.image_topic(info) or (frames.raw_name(info.name, info.type) if decode_jpeg else None)
     return info if image is None else replace(info, name=image, interface=Interface(frames.RAW))
 
@@ -143,7 +143,7 @@ class Span:
 
 
 class Player:
-    """Says which messages are due; ``now_ns`` is any monotonic clock of the caller's, in ns.
+    """Decides which messages are due; ``now_ns`` is any monotonic clock of the caller's, in ns.
 
     ``start_s`` and ``until_s`` count from the first message; ``rate`` 2 plays twice as fast.
     """
@@ -166,7 +166,7 @@ class Player:
         self.paused = False
         self._rate = rate
         self._anchor: tuple[int, int] | None = None
-        """A pair (caller's clock, bag time) that belong together; None until the first step after a change."""
+        """Caller's clock and bag time at the same instant; None until the first step after a change."""
         self._position_ns = self.span.start_ns
 
     def _span(self, start_s: float, until_s: float | None) -> Span:
@@ -181,12 +181,12 @@ class Player:
 
     @property
     def rate(self) -> float:
-        """Bag seconds a second."""
+        """Playback speed: bag seconds per second."""
         return self._rate
 
     @property
     def finished(self) -> bool:
-        """Whether everything was played (never, where it loops)."""
+        """Whether everything was played; never true when looping."""
         return self.index >= self.span.end and not self.loop
 
     def position_ns(self, now_ns: int) -> int:
@@ -197,19 +197,19 @@ class Player:
         return min(self._anchor[1] + passed, self.span.end_ns)
 
     def set_rate(self, rate: float, now_ns: int) -> None:
-        """Go on at another rate from here."""
+        """Change the rate from now on."""
         if not 0 < rate < 1e6:
             raise InputError(f"rate {rate} is not above 0")
         self._hold(now_ns)
         self._rate = rate
 
     def pause(self, paused: bool, now_ns: int) -> None:
-        """Stop or go on."""
+        """Pause or resume."""
         self._hold(now_ns)
         self.paused = paused
 
     def seek(self, offset_s: float, now_ns: int) -> None:
-        """Go to ``offset_s`` after the first message of the bag, kept within the span. InputError for no number."""
+        """Go to ``offset_s`` after the bag's first message, clipped to the span. Raises InputError from 1e9 s on."""
         if not abs(offset_s) < 1e9:
             raise InputError(f"position_s {offset_s} is not a number of seconds")
         target = int(self.timeline.times_ns[0]) + round(offset_s * SECOND_NS)
@@ -226,9 +226,9 @@ class Player:
         return self._anchor[0] + round(ahead / self._rate)
 
     def step(self, now_ns: int) -> Message | None:
-        """The next message if it is due by ``now_ns``; begins a new round at the end of a loop.
+        """The next message if it is due by ``now_ns``; when looping, starts again after the last.
 
-        Raises InputError where the next one is a frame its video does not hold; the step after goes on behind it.
+        Raises InputError if the next message is a frame missing from its video; the following step skips it.
         """
         if self.paused:
             return None
@@ -244,7 +244,7 @@ class Player:
         return self.timeline[self.index - 1]
 
     def latched_before_start(self) -> list[Message]:
-        """The last message before the span of every latched topic: what a subscriber would have kept until then."""
+        """The last message of every latched topic before the span: what a late subscriber would have received."""
         latched = [name for name, info in self.timeline.topics.items() if _is_latched(info)]
         last = (self.timeline.last_before(self.span.first, name) for name in latched)
         return [self.timeline[index] for index in sorted(index for index in last if index is not None)]

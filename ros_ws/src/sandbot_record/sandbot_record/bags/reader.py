@@ -1,4 +1,4 @@
-"""Bag: a recorded bag, from this project, `ros2 bag`, rosbags or any MCAP writer. No ROS needed.
+"""Bag: a bag recorded by this project, `ros2 bag`, rosbags or any MCAP writer. No ROS needed.
 
 bag = Bag.open(Path("runs/demo/trials/t0001"))
 bag.topics["/speed"].count, bag.start_ns, bag.provenance["trial"]
@@ -23,7 +23,7 @@ from sandbot_record.bags.interfaces import JAZZY, Interface
 from sandbot_record.bags.mcap_scan import Batch, Damage
 
 Part = tuple[Batch, NDArray[np.int64]]
-"""A block, and which of its rows."""
+"""A block and the indices of some of its rows."""
 _KEEP_BYTES = 32 << 20
 """Bags up to this size (uncompressed) stay in memory once scanned; larger ones are scanned again each time."""
 
@@ -48,13 +48,13 @@ class Message:
         return self.interface.type
 
     def decode(self) -> Any:
-        """The message with its fields. Raises InputError if the bytes are no such message, or not CDR."""
+        """The message with its fields. Raises InputError if the bytes are not a message of this type, or not CDR."""
         return self.interface.decode(bytes(self.data))
 
 
 @dataclass(frozen=True)
 class Columns:
-    """The messages of one topic in order of log time: times (n,) in ns and the asked fields, (n,) or (n, k)."""
+    """The messages of one topic in order of log time: times (n,) in ns and the requested fields, (n,) or (n, k)."""
 
     log_time_ns: NDArray[np.int64]
     publish_time_ns: NDArray[np.int64]
@@ -65,16 +65,16 @@ class Columns:
 
     @property
     def stamp_ns(self) -> NDArray[np.int64]:
-        """The header stamps; they must have been asked for (``FIELD_STAMP``)."""
+        """The header stamps; the fields ``FIELD_STAMP`` must have been requested."""
         seconds, nanoseconds = (self.fields[name].astype(np.int64) for name in FIELD_STAMP)
         return seconds * 1_000_000_000 + nanoseconds
 
 
 @dataclass
 class Bag:
-    """A bag; make one with ``Bag.open``. ``complete``: closed properly; ``problems``: one line each, empty if none.
+    """A bag; create it with ``Bag.open``. ``complete``: properly closed; ``problems``: one line each, empty if none.
 
-    ``miscounts`` are those of them where messages are missing (or too many) without any damage that says why.
+    ``miscounts`` are those problems where the number of messages is wrong although no damage was found.
     """
 
     path: Path
@@ -93,9 +93,10 @@ class Bag:
 
     @classmethod
     def open(cls, path: Path, *, strict: bool = True) -> "Bag":
-        """Read a bag's folder (or a single .mcap or .db3 file) once: counts, times, provenance, faults.
+        """Read a bag's folder (or a single .mcap or .db3 file) once: counts, times, provenance, problems.
 
-        Raises InputError if there is no bag or, where ``strict``, if it is unfinished or damaged (naming `recover`).
+        Raises InputError if there is no bag or, if ``strict``, if it is unfinished or damaged (the error suggests
+        `recover`).
         """
         folder, files, info = locate(path)
         bag = cls(folder, files, info, {}, True, 0, 0, {}, {}, [])
@@ -134,7 +135,7 @@ class Bag:
             raise InputError(f"{self.path}: no topic {topic}; there are: {', '.join(self.topics)}")
 
     def columns(self, topic: str, *names: str) -> Columns:
-        """Numeric fields of all messages of a topic. Raises InputError if the topic or a field is not there."""
+        """Numeric fields of all messages of a topic. Raises InputError if there is no such topic or field."""
         self.check_topic(topic)
         parts = self._parts(topic)
         log, publish = (
@@ -151,7 +152,7 @@ class Bag:
         return Columns(log[order], publish[order], {name: value[order] for name, value in values.items()})
 
     def _parts(self, topic: str) -> list[Part]:
-        """The blocks that hold messages of a topic, and which of their rows; of a small bag looked for once for all."""
+        """The blocks with messages of a topic, and the rows of these; cached for a small bag."""
         if self._kept is None:
             found = ((batch, _rows(batch, definitions, topic)) for batch, definitions in self.batches())
             return [(batch, rows) for batch, rows in found if len(rows)]
@@ -167,18 +168,18 @@ class Bag:
         return {name: folder / video.file_name(image) for name, image in found.items() if image is not None}
 
     def batches(self) -> Iterator[tuple[Batch, Definitions]]:
-        """The intact blocks of all files with the definitions known by then."""
+        """The intact blocks of all files, each with the definitions so far."""
         for _, batch, definitions in self.blocks():
             yield batch, definitions
 
     def blocks(self) -> Iterator[tuple[int, Batch, Definitions]]:
-        """The same with the number of the file each block is in."""
+        """The same, each with the number of its file."""
         for file, item, definitions in self.items():
             if isinstance(item, Batch):
                 yield file, item, definitions
 
     def items(self) -> Iterator[tuple[int, mcap_scan.Item, Definitions]]:
-        """Everything in all files in order, damage included: (number of the file, item, definitions known by then)."""
+        """Everything in all files in order, including damage: (number of the file, item, definitions so far)."""
         if self._kept is not None:
             yield from self._kept
         elif foreign.is_foreign(self.files[0], self.info):
@@ -198,7 +199,7 @@ class Bag:
         for file, item, definitions in self.items():
             self._note(item)
             if isinstance(item, Damage):
-                found.pop(file, None)  # damage says why messages are missing
+                found.pop(file, None)  # the damage already explains missing messages
             elif isinstance(item, Batch) and len(item.rows):
                 if file in found:
                     found[file] += len(item.rows)
@@ -225,7 +226,7 @@ class Bag:
         ]
 
     def _small(self) -> list[tuple[int, mcap_scan.Item, Definitions]] | None:
-        """Everything in the bag, if that is not much once decompressed."""
+        """Everything in the bag, or None if that is more than ``_KEEP_BYTES`` when decompressed."""
         items, size = [], 0
         for entry in self.items():
             size += len(entry[1].data) if isinstance(entry[1], Batch | Attachment) else 0
@@ -261,8 +262,8 @@ class Bag:
             self.problems.insert(0, "metadata.yaml is unfinished, the recording was cut off")
 
     def _check_counts(self, found: Mapping[int, int]) -> None:
-        """A flipped bit can make a message a record of another kind, which only its missing tells; ``found`` is how
-        many messages each file holds that has no other damage.
+        """Compare counts: a flipped bit can turn a message into another kind of record, which shows only as a missing
+        message. ``found``: messages in each file without other damage.
         """
         if self.info is not None and not self.problems and self.info.count != self.count:
             self.miscounts.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
@@ -278,7 +279,7 @@ class Bag:
 def read(bag: Path | str, *topics: str) -> Iterator[tuple[int, Message]]:
     """The messages of a bag in file order, of the given topics or of all: (log time in ns since 1970, message).
 
-    A message says its ``topic`` and ``type``; ``decode()`` gives its fields. Raises InputError if there is no such bag
+    A message has ``topic`` and ``type``; ``decode()`` gives its fields. Raises InputError if there is no such bag
     or topic, or if the bag is unfinished or damaged (``Bag.open`` with ``strict=False`` reads what is intact).
 
     >>> import sandbot_record
@@ -321,7 +322,7 @@ def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
         raise InputError(
             f"{path}: not one bag but a folder of several, {found[0].name} and {found[1].name}: give one of them"
         )
-    # Of a bag that was converted in place, what it was converted to.
+    # A bag converted in place has both .db3 and .mcap files: the .mcap files are the result.
     return path, [file for file in found if file.suffix == ".mcap"] or found, None
 
 
@@ -333,13 +334,13 @@ def is_bag(path: Path) -> bool:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """The storage files in a folder, splits in their order; without hidden ones, such as macOS keeps beside each."""
+    """The storage files in a folder, splits in order; hidden files, such as those macOS adds, are ignored."""
     found = [file for file in folder.glob("[!.]*") if file.suffix in _STORAGE and file.is_file()]
     return sorted(found, key=lambda file: (_split(file)[1], file.name))
 
 
 def _split(file: Path) -> tuple[str, int]:
-    """Name of the bag and number of the split of a file such as ``NAME_0.mcap``; -1 where it has no number."""
+    """Bag name and split number of a file such as ``NAME_0.mcap``; -1 if it has no number."""
     name, _, number = file.stem.rpartition("_")
     return (name, int(number)) if name and number.isdecimal() else (file.stem, -1)
 
@@ -347,14 +348,14 @@ def _split(file: Path) -> tuple[str, int]:
 def _of_one_bag(files: Sequence[Path]) -> bool:
     """Whether storage files without metadata.yaml are one bag: a single file, or splits of one name from 0 on.
 
-    All others are a bag each, such as a folder of trials that were recorded into a file each.
+    Otherwise each file is its own bag, as in a folder of trials recorded into one file each.
     """
     names = {_split(file)[0] for file in files}
     return len(names) == 1 and (len({file.stem for file in files}) == 1 or _split(files[0])[1] == 0)
 
 
 def _later_splits(folder: Path, named: Sequence[Path], found: Sequence[Path], info: metadata.BagInfo) -> list[Path]:
-    """Splits that metadata.yaml does not name: only where the recording was cut off before it was written again."""
+    """Splits missing from metadata.yaml because the recording was cut off before it was updated; else none."""
     if info.custom.get("state") != metadata.RECORDING:
         return []
     name, last = _split(named[-1]) if named else (folder.name, -1)
@@ -362,7 +363,7 @@ def _later_splits(folder: Path, named: Sequence[Path], found: Sequence[Path], in
 
 
 def mapped(path: Path) -> memoryview:
-    """The file's bytes, read as they are touched."""
+    """The file's bytes, memory-mapped."""
     try:
         with path.open("rb") as file:
             if path.stat().st_size == 0:
@@ -374,7 +375,7 @@ def mapped(path: Path) -> memoryview:
 
 def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
     data = mapped(path)
-    definitions = _trusted(data, info)
+    definitions = _initial_definitions(data, info)
     for item in mcap_scan.scan(data):
         if isinstance(item, Schema | Channel):
             definitions.learn(item)
@@ -384,8 +385,8 @@ def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mca
         yield item, definitions
 
 
-def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
-    """Definitions from the most trustworthy place there is: the summary (it has a CRC), else our metadata.yaml."""
+def _initial_definitions(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
+    """Definitions from the most trustworthy source: the summary (it has a CRC), else our metadata.yaml."""
     definitions = Definitions(_release(info))
     records = mcap_scan.summary(data) or []
     for kind in (Schema, Channel):
@@ -407,21 +408,21 @@ def _by_topic(batches: Iterable[tuple[Batch, Definitions]]) -> dict[str, list[Pa
     found: dict[str, list[Part]] = {}
     for batch, definitions in batches:
         present = np.unique(batch.rows["channel"]).tolist()
-        for name in dict.fromkeys(definitions.topics[one].name for one in present if one in definitions.topics):
+        for name in dict.fromkeys(definitions.topics[n].name for n in present if n in definitions.topics):
             found.setdefault(name, []).append((batch, _rows(batch, definitions, name)))
     return found
 
 
 def _rows(batch: Batch, definitions: Definitions, topic: str) -> NDArray[np.int64]:
-    """Which rows of a block are a topic's, which several channels may share."""
-    some = [channel for channel, info in definitions.topics.items() if info.name == topic]
+    """The rows of a block that belong to a topic, which may have several channels."""
+    own = [channel for channel, info in definitions.topics.items() if info.name == topic]
     channels = batch.rows["channel"]
-    # Nearly always one: np.isin costs ten times that.
-    return np.flatnonzero(channels == some[0] if len(some) == 1 else np.isin(channels, some))
+    # Nearly always one channel, and np.isin costs ten times as much as ==.
+    return np.flatnonzero(channels == own[0] if len(own) == 1 else np.isin(channels, own))
 
 
 def _fields(parts: list[Part], interface: Interface, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """The fields of all messages: at once where their lengths are equal, else each length in turn."""
+    """The fields of all messages, extracted at once for each message length."""
     if not parts or not names:
         return {name: np.empty(0) for name in names}
     lengths = np.concatenate([batch.length[rows] for batch, rows in parts])
@@ -442,7 +443,7 @@ def _stacked(parts: list[tuple[Batch, NDArray[np.int64]]], length: int) -> colum
     picked = []
     for batch, rows in parts:
         at = batch.at[rows[batch.length[rows] == length]]
-        if not at.size:  # of a batch that may be shorter than that
+        if not at.size:  # such a batch may be shorter than the window
             continue
         windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(batch.data, np.uint8), length)
         picked.append(windows[at])

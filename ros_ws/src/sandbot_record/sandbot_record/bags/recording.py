@@ -1,7 +1,7 @@
-"""The recorder without ROS: messages go into a queue, a thread of its own writes them to the bag.
+"""The recorder without ROS: messages go into a queue, and a separate thread writes them to the bag.
 
-So a slow disk delays nobody who receives. Counts, losses and the reason of a stop are kept here; ``recorder_node`` only
-feeds it. The clocks are passed in.
+So a slow disk does not delay receiving. Counts, losses and the reason for stopping are kept here; ``recorder_node``
+only feeds it. The clocks are passed in.
 """
 
 import shutil
@@ -21,9 +21,9 @@ from sandbot_record.bags.writer import BagWriter
 
 SECOND_NS = 1_000_000_000
 PAUSED, PAUSED_TO_THE_END = "paused", "end"
-"""Key of the record ``recording``: when nothing was recorded, "FROM to TO, ..." in log times [ns]."""
+"""Key in the metadata record ``recording`` for the pauses, "FROM to TO, ..." in log times [ns]; TO may be "end"."""
 _BATCH_S = 0.01
-"""Messages gather that long before they are written: waking up for each costs more than writing it."""
+"""How long messages are collected before they are written: waking up for each costs more than writing it."""
 
 
 class Received(NamedTuple):
@@ -42,26 +42,26 @@ class Tally:
 
     written: int = 0
     gaps: int = 0
-    """Missing from the publisher's sequence: sent, never received."""
+    """Missing from the publisher's sequence numbers: sent, never received."""
     reported: int = 0
-    """Lost on the way, says the middleware."""
+    """Reported lost by the middleware."""
     dropped: int = 0
-    """Received, but the queue or the disk was full."""
+    """Received, but not written because the queue or the disk was full."""
     sequence: int = 0
 
     def count(self, sequence: int) -> None:
-        """A message with its publisher's number; 0: unknown, or of several publishers, whose numbers have no order."""
+        """Count a message by its publisher's sequence number; 0: unknown, or several publishers number separately."""
         if not sequence:
             self.gaps = self.lost
         elif self.sequence:
             self.gaps += max(0, sequence - self.sequence - 1)
-            # On a busy machine the middleware reports what was sent before it was matched; the numbers know better.
+            # On a busy machine the middleware also reports messages sent before matching; trust the numbers instead.
             self.reported = min(self.reported, self.gaps)
         self.sequence = sequence
 
     @property
     def lost(self) -> int:
-        """Sent, never received; both ways of counting see the same messages, but neither sees all."""
+        """Sent but never received: the larger of the two counts, which overlap and are each incomplete."""
         return max(self.gaps, self.reported)
 
 
@@ -69,7 +69,7 @@ class Tally:
 class Limits:
     """When recording stops on its own: free space [bytes] below ``min_free``, or after ``duration_s`` (0: never).
 
-    ``queue_bytes``: what may wait for the disk before messages are dropped (and counted).
+    ``queue_bytes``: queue size above which messages are dropped (and counted).
     """
 
     min_free: int = 200 << 20
@@ -133,7 +133,7 @@ class Recording:
         definition: str | None = None,
         type_hash: str | None = None,
     ) -> None:
-        """Have the writer's thread register a topic before any of its messages."""
+        """Queue the registration of a topic for the writer thread, ahead of its messages."""
         self.tallies.setdefault(name, Tally())
         written = name
         if type_name == frames.RAW:
@@ -148,12 +148,12 @@ class Recording:
         self._wake.set()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Have the writer's thread attach a YAML file, before any message that comes from now on."""
+        """Queue a YAML attachment for the writer thread, ahead of any later message."""
         self._pending_topics.append(lambda: self._writer.attach(name, data, "application/yaml"))
         self._wake.set()
 
     def _keep_frames(self, name: str) -> tuple[str, str]:
-        """Have a topic's images written as JPEG or video; the topic and type that then stand in the bag."""
+        """Write a topic's images as JPEG or video; returns the topic and type that the bag then has."""
         if self._images == "jpeg":
             self._convert[name] = frames.to_jpeg
             return frames.compressed_name(name), frames.JPEG
@@ -177,16 +177,16 @@ class Recording:
         self._wake.set()
 
     def lose(self, topic: str, count: int) -> None:
-        """Count messages that the middleware says were lost on the way."""
+        """Count messages that the middleware reports as lost."""
         self.tallies[topic].reported += count
 
     def stop(self, reason: str) -> None:
-        """End the recording as failed; the first reason counts."""
+        """End the recording as failed; the first reason is kept."""
         self.reason, self.failed = self.reason or reason, True
         self.stopped.set()
 
     def pause(self, paused: bool, now_ns: int) -> None:
-        """Record nothing until told otherwise; what the bag lacks for it is told in it, in log times."""
+        """Pause or resume recording; the pauses are noted in the bag, in log times."""
         if self.paused and not paused:
             self._pauses.append(f"{self._paused_ns} to {now_ns}")
         elif paused and not self.paused:
@@ -194,11 +194,11 @@ class Recording:
         self.paused = paused
 
     def refuse(self, topic: str, why: str) -> None:
-        """Note that a wanted topic can't be recorded; the rest is."""
+        """Note that a selected topic can't be recorded; the others are recorded all the same."""
         self.refused[topic] = why
 
     def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Write what is queued, counts and ``metadata`` records (with exit_status); close the bag, once."""
+        """Write the queue, the counts and ``metadata`` records (with exit_status), and close the bag; idempotent."""
         if self._closed:
             return
         self._closed = True
@@ -217,11 +217,11 @@ class Recording:
                 self.stop(f"{error.strerror}: {self._writer.path}")
         try:
             self._writer.close_short(lambda: self._records(metadata))
-        except OSError:  # not even the summary fits; what was flushed is for `recover`
+        except OSError:  # not even the summary fits; `recover` can bring back what was flushed
             self._writer.abandon()
 
     def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
-        """The metadata records of the end; the trial ended well if the recording did."""
+        """The final metadata records; their exit_status is "ok" unless the recording failed or ``metadata`` has one."""
         counts = self._writer.counts
         for name, tally in self.tallies.items():
             kept = counts.get(self._written_as[name], 0)
@@ -232,7 +232,7 @@ class Recording:
         return records
 
     def summary(self) -> dict[str, str]:
-        """Counts and losses by topic, and how it ended."""
+        """Counts and losses by topic, pauses, and how the recording ended."""
         incomplete = f"incomplete, not recorded: {', '.join(self.refused)}" if self.refused else ""
         values = {"exit_status": self.reason or incomplete or "ok"}
         for name, tally in self.tallies.items():
@@ -248,7 +248,7 @@ class Recording:
 
     @property
     def lost(self) -> int:
-        """Messages sent by somebody that are not in the bag."""
+        """Messages known to have been sent that are not in the bag."""
         return sum(tally.lost + tally.dropped for tally in self.tallies.values())
 
     @property
@@ -258,16 +258,16 @@ class Recording:
 
     @property
     def size_bytes(self) -> int:
-        """What the bag takes on the disk by now."""
+        """Current size of the bag on disk."""
         return sum(map(_size_bytes, self._writer.folder.glob("*")))
 
     @property
     def free_bytes(self) -> int:
-        """Room left where the bag lies."""
+        """Free space on the bag's disk."""
         return self._free_bytes(self._writer.path.parent)
 
     def last_line(self) -> str:
-        """What a person needs to know at the end."""
+        """The summary line printed at the end."""
         losses = [
             f"{name} {tally.lost + tally.dropped}" for name, tally in self.tallies.items() if tally.lost + tally.dropped
         ]
@@ -296,7 +296,7 @@ class Recording:
         except InputError as error:
             self.stop(str(error))
         except Exception as error:
-            # Of a codec, say. Whatever it is, a bag whose writer has died must not say that it is ok.
+            # From a codec, for example. Whatever it is, a bag whose writer died must not be marked ok.
             self.stop(f"{type(error).__name__}: {' '.join(str(error).split())}")
         finally:
             self.stopped.set()
@@ -311,11 +311,11 @@ class Recording:
             with self._lock:
                 self._queued_bytes -= len(message.data)
             self._write(message)
-            # Here, too: on a busy machine the queue may not be empty for seconds, and a full disk is met on writing.
+            # Also here: on a busy machine the queue may not empty for seconds, and a full disk shows only on writing.
             self._flush_if_due()
 
     def _flush_if_due(self) -> float:
-        """Bring what is there to the disk, if it is time to; the time."""
+        """Flush to disk if the period has elapsed; returns the current time [s]."""
         now_s = self._monotonic_s()
         if now_s - self._flushed_s >= self._flush_period_s:
             self._flushed_s = now_s
@@ -339,7 +339,7 @@ class Recording:
 
 
 def _size_bytes(file: Path) -> int:
-    """0 where the file has another name by now: what the bag says of itself is written beside and renamed."""
+    """Size of a file; 0 if it is gone, as metadata.yaml is written to a temporary file that is then renamed."""
     try:
         return file.stat().st_size
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""A torn or damaged bag into a new, whole one: everything intact comes back, and what is lost is named."""
+"""Copies everything intact in a truncated or damaged bag to a new, complete one, and reports what is lost."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ class Loss:
 
 @dataclass
 class Recovery:
-    """What was recovered and what was lost. ``notes``: one line for each damage of unknown content."""
+    """What was recovered and what was lost. ``notes``: one line for each damaged part with unknown content."""
 
     counts: dict[str, int] = field(default_factory=dict)
     losses: dict[str, Loss] = field(default_factory=lambda: defaultdict(Loss))
@@ -52,7 +52,7 @@ class Recovery:
         return not self.losses and not self.notes
 
     def lines(self) -> list[str]:
-        """One line a topic and a damage."""
+        """One line for each topic, each known loss and each note."""
         lines = [f"{name}: {count} messages back" for name, count in self.counts.items()]
         lines += [
             f"lost: {name}: {loss.count} messages from {_clock(loss.first_ns)} to {_clock(loss.last_ns)}"
@@ -64,14 +64,14 @@ class Recovery:
 def recover(source: Path, target: Path) -> Recovery:
     """Write everything intact in ``source`` to the new bag ``target``.
 
-    Raises InputError if ``source`` is no bag, if nothing in it can be brought back, or if ``target`` exists.
+    Raises InputError if ``source`` is no bag, if nothing in it can be recovered, or if ``target`` exists.
     """
     bag = Bag.open(source, strict=False)
     if not bag.count:
         reason = bag.problems[0] if bag.problems else "it is empty"
         raise InputError(f"{source}: no message can be brought back: {reason}")
     result = Recovery()
-    # What ROS 2 asks of its files holds for CDR only.
+    # The ROS 2 profile requires CDR.
     all_cdr = all(topic.interface.encoding == CDR for topic in bag.topics.values())
     with BagWriter(target, profile=ROS2 if all_cdr else "") as writer:
         films = {name: Transfer(file, writer.folder) for name, file in bag.videos.items()}
@@ -81,7 +81,7 @@ def recover(source: Path, target: Path) -> Recovery:
                 _copy(item, definitions, bag, writer, films, result)
                 last_ns = int(item.rows["log_time_ns"][-1]) if len(item.rows) else last_ns
             elif isinstance(item, Damage):
-                _account(item, definitions, result, f"{bag.files[file].name}", last_ns)
+                _count_lost(item, definitions, result, f"{bag.files[file].name}", last_ns)
             elif isinstance(item, Metadata) and item.name != "rosbag2":
                 writer.metadata(item.name, item.metadata)
             elif isinstance(item, Attachment):
@@ -89,7 +89,7 @@ def recover(source: Path, target: Path) -> Recovery:
         for film in films.values():
             film.close()
         for topic in bag.topics.values():
-            _add(topic, bag, writer)
+            _register(topic, bag, writer)
         result.counts = writer.counts
         if not result.counts or not sum(result.counts.values()):
             raise InputError(f"{source}: no message can be brought back: none is of a type that is known")
@@ -114,13 +114,13 @@ def _copy(
         channel, log_time = int(fields["channel"]), int(fields["log_time_ns"])
         if channel not in topics:
             known = definitions.topics.get(channel)
-            topics[channel] = known if known and _add(known, bag, writer) else None
+            topics[channel] = known if known and _register(known, bag, writer) else None
         topic = topics[channel]
         if topic is None:
             result.losses[f"channel {channel} (topic or type not known)"].add(1, log_time, log_time)
             continue
         sound = log_time >= 0 and (batch.checked or _decodes(batch, row, topic))
-        data = _taken_over(batch.payload(row), films.get(topic.name)) if sound else None
+        data = _with_frame(batch.payload(row), films.get(topic.name)) if sound else None
         if data is None:
             result.losses[topic.name].add(1, log_time, log_time)
         else:
@@ -128,16 +128,16 @@ def _copy(
             writer.write(topic.name, data, log_time, publish_time, int(fields["sequence"]))
 
 
-def _taken_over(data: memoryview, film: Transfer | None) -> bytes | memoryview | None:
-    """The message as it is; a frame index together with its frame, None if that is gone."""
+def _with_frame(data: memoryview, film: Transfer | None) -> bytes | memoryview | None:
+    """The message unchanged, or a frame index after copying its frame; None if the frame is lost."""
     try:
         return data if film is None else film(data)
     except InputError:
         return None
 
 
-def _add(topic: TopicInfo, bag: Bag, writer: BagWriter) -> bool:
-    """Register a topic as it is; False if nobody knows what its messages are."""
+def _register(topic: TopicInfo, bag: Bag, writer: BagWriter) -> bool:
+    """Register a topic in the new bag; False if its message type is unknown."""
     if topic.name in writer.counts:
         return True
     interface = topic.interface.described()
@@ -148,7 +148,7 @@ def _add(topic: TopicInfo, bag: Bag, writer: BagWriter) -> bool:
 
 
 def _decodes(batch: Batch, row: int, topic: TopicInfo) -> bool:
-    """Whether a message no CRC vouches for is at least one of its type."""
+    """Whether a message without a CRC can at least be decoded as its type (True if the type is unknown)."""
     if not topic.interface.known:
         return True
     try:
@@ -158,7 +158,7 @@ def _decodes(batch: Batch, row: int, topic: TopicInfo) -> bool:
     return True
 
 
-def _account(damage: Damage, definitions: Definitions, result: Recovery, file: str, last_ns: int) -> None:
+def _count_lost(damage: Damage, definitions: Definitions, result: Recovery, file: str, last_ns: int) -> None:
     for lost in damage.lost:
         topic = definitions.topics.get(lost.channel)
         result.losses[topic.name if topic else f"channel {lost.channel}"].add(lost.count, lost.first_ns, lost.last_ns)

@@ -1,4 +1,4 @@
-"""Messages of another release in Jazzy's definition: who subscribes to a replay knows no other."""
+"""Converts messages of another release to Jazzy's definition, the only one that subscribers to a replay know."""
 
 from typing import Any
 
@@ -13,17 +13,17 @@ from sandbot_record.bags.interfaces import Interface
 
 
 def to_jazzy(cdr: memoryview, interface: Interface) -> memoryview:
-    """The message with the fields that Jazzy's definition of its type has; those it lacks are zero or empty.
+    """The message with the fields of Jazzy's definition of its type; fields that it lacks are zero or empty.
 
-    Messages that are so already, and of types that Jazzy does not know, are given back as they are. Raises InputError
-    if the bytes are no such message, or if a field is of another kind in Jazzy.
+    Messages that already have Jazzy's definition, or a type that Jazzy does not know, are returned unchanged. Raises
+    InputError if the bytes are not a message of this type, or if a field has another type in Jazzy.
     """
     if not interface.known or interface.types is interfaces.store() or not interfaces.known(interface.type):
         return cdr
     message = interface.decode(bytes(cdr))
     try:
         return interfaces.store().serialize_cdr(_message(message, interface.type), interface.type)
-    except Exception as error:  # rosbags raises whatever numpy, struct or its generated code stumbles over
+    except Exception as error:  # rosbags passes on any error of numpy, struct or its generated code
         raise InputError(f"a {interface.type} does not fit Jazzy's definition ({type(error).__name__})") from None
 
 
@@ -35,7 +35,7 @@ def _message(given: Any, type_name: str) -> Any:
 
 
 def _value(given: Any, description: Any) -> Any:
-    """A field's value as its description asks; ``given`` is None where the message has no such field."""
+    """A field's value as its description requires; ``given`` is None if the message has no such field."""
     kind, detail = description
     if kind == Nodetype.NAME:
         return _message(given, detail)

@@ -1,11 +1,11 @@
-"""Frames of one camera in a video file beside the .mcap, and the small topic that says which frame was when.
+"""Frames of one camera in a video file next to the .mcap, and a frame index topic with the time of each frame.
 
 ``<topic>/video`` carries one sensor_msgs/TimeReference a frame: header = the image's own (stamp, frame_id), time_ref =
-the frame's place in the video, source = file name and the CRC-32 of the frame's pixels. The CRC is what makes the pair
-safe: a frame that was damaged, lost or put out of step can't be taken for another.
+the frame's place in the video, source = file name and the CRC-32 of the frame's pixels. The CRC links the two reliably:
+a frame that was damaged, lost or shifted can't be mistaken for another.
 
-Both codecs give back exactly the mono8 pixels that came in (HFYU and MJPG of these wheels do not). The container is AVI
-because a killed writer leaves every frame but the last one or two readable; Matroska loses up to 5 MB.
+Both codecs are lossless for mono8 pixels (HFYU and MJPG of these wheels are not). The container is AVI because a killed
+writer leaves every frame but the last one or two readable; Matroska loses up to 5 MB.
 """
 
 import contextlib
@@ -24,21 +24,21 @@ from sandbot_record.bags import frames, interfaces
 from sandbot_record.bags.frames import Pixels
 from sandbot_record.bags.metadata import TopicInfo
 
-# OpenCV is loaded with the first frame: most bags are read without one.
+# OpenCV is imported with the first frame: most bags have no video.
 if TYPE_CHECKING:
     import cv2
 
 INDEX = "sensor_msgs/msg/TimeReference"
 _SUFFIX = "/video"
 RATE_HZ = 100
-"""Nominal rate of the file, for players; when a frame was taken stands in the topic."""
+"""Nominal rate of the file, for video players; the actual time of each frame is in the topic."""
 CODECS = MappingProxyType({"rawvideo": "GREY", "ffv1": "FFV1"})
-"""rawvideo: as large as the pixels, 0.1 ms a 640×480 frame, a flipped byte costs one frame; ffv1: about two thirds of
-the size, 5 ms, up to a dozen frames."""
+"""rawvideo: as large as the pixels, 0.1 ms per 640×480 frame, and a flipped byte damages one frame; ffv1: about two
+thirds of the size, 5 ms, and up to a dozen frames."""
 _DELAY = 4
-"""Frames a codec may hold back before the file must have grown."""
+"""Frames a codec may buffer before the file must have grown."""
 _PASSED = 32
-"""Frames kept while looking for those that follow damage."""
+"""Frames kept in memory while resynchronising after damage."""
 
 
 def index_name(topic: str) -> str:
@@ -56,7 +56,7 @@ def image_topic(topic: TopicInfo) -> str | None:
     return topic.name.removesuffix(_SUFFIX) if topic.type == INDEX and topic.name.endswith(_SUFFIX) else None
 
 
-# What a torn file makes FFmpeg say on stderr is found here frame by frame; read when OpenCV first opens a video.
+# Silences FFmpeg's messages about truncated files, whose frames are checked here; read when OpenCV first opens a video.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
@@ -70,7 +70,7 @@ class Place:
 
 
 def place(cdr: bytes | memoryview) -> Place:
-    """A frame index message. Raises InputError if it is not one."""
+    """Parse a frame index message. Raises InputError if it is not one."""
     message = interfaces.decode(bytes(cdr), INDEX)
     try:
         crc = int(message.source.rpartition("crc32:")[2], 16)
@@ -93,7 +93,7 @@ class VideoFile:
         self._grown = (0, 0)
 
     def add(self, cdr: bytes | memoryview) -> bytes:
-        """Append a CDR sensor_msgs/Image; its CDR frame index. Raises InputError on a frame the file can't hold."""
+        """Append a CDR sensor_msgs/Image; returns its CDR frame index. Raises InputError if the frame does not fit."""
         image, pixels = frames.pixels_of(cdr, "video")
         return self.add_pixels(image.header, pixels)
 
@@ -152,10 +152,10 @@ class VideoFile:
 
 
 class VideoFrames:
-    """Reads frames back by their place; cheap in order of the index. Not thread-safe.
+    """Reads frames by their place; fastest in increasing order. Not thread-safe.
 
-    Frames that are gone from a damaged file put all later ones out of step, so a frame that is not the one looked for
-    is kept: it may be the one of a later place.
+    Frames missing from a damaged file shift all later ones, so a frame that is not the expected one is kept: it may be
+    the one of a later place.
     """
 
     def __init__(self, path: Path) -> None:
@@ -165,11 +165,11 @@ class VideoFrames:
         self._gone = 0
         """Frames known to be missing before the next one."""
         self._passed: dict[int, tuple[int, Pixels]] = {}
-        """Frames nobody asked for yet, by CRC: place in the file, pixels."""
+        """Frames read but not yet requested, by CRC: place in the file, pixels."""
 
     def frame(self, place: Place) -> Pixels:
         """The pixels (height, width). Raises InputError if the frame is not there or not what was written."""
-        # Step by step, not by seeking: a torn file has no index.
+        # Sequentially, not by seeking: a truncated file has no index.
         if self._reader is None or place.index - self._gone < self._next - len(self._passed):
             self._open()
         if place.crc in self._passed:
@@ -219,14 +219,14 @@ class VideoFrames:
 
 
 class Transfer:
-    """Takes the intact frames of a video over into a new one."""
+    """Copies the intact frames of a video to a new one."""
 
     def __init__(self, source: Path, folder: Path) -> None:
         self._frames, self._folder = VideoFrames(source), folder
         self._file: VideoFile | None = None
 
     def __call__(self, cdr: bytes | memoryview) -> bytes:
-        """A frame index to the old video as one to the new. Raises InputError if the frame is gone or damaged."""
+        """Copy the frame of an index message; returns its new index. Raises InputError if it is missing or damaged."""
         at = place(cdr)
         pixels = self._frames.frame(at)
         if self._file is None:
@@ -241,7 +241,7 @@ class Transfer:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without OpenCV's warning that grey frames stay grey, which is what is wanted."""
+    """Suppress OpenCV's warning that grey frames are not converted to colour, which is intended."""
     import cv2
 
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)

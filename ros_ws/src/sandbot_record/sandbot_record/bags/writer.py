@@ -1,8 +1,8 @@
 """BagWriter: one rosbag2 bag folder (metadata.yaml + .mcap files), readable by `ros2 bag`, rosbags and mcap.
 
 In batch (``whole=True``) the folder is written under a temporary name and renamed when closed: an interrupted trial
-leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every 0.1 s, by
-``Recording``: an interrupted recording leaves a torn bag that `recover` makes whole.
+leaves nothing. Live (``whole=False``) it has its final name from the start and ``Recording`` flushes it every 0.1 s:
+an interrupted recording leaves an unfinished bag that `recover` can complete.
 """
 
 import os
@@ -30,7 +30,7 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Split:
-    """When to begin a new file: after so many bytes or so many seconds (0: never)."""
+    """When to begin a new file: after ``size`` bytes or ``seconds`` (0: never)."""
 
     size: int = 0
     seconds: float = 0.0
@@ -45,12 +45,13 @@ class _Channel:
 
 
 def add_metadata(bag: Path, name: str, values: Mapping[str, str]) -> None:
-    """Add a metadata record to a bag that is complete; of several with one name the last counts.
+    """Add a metadata record to a complete bag; of several with one name the last applies.
 
-    Raises InputError if it is no complete bag of ours, OSError if the disk is full (it is for `recover` then).
+    Raises InputError if it is not a complete bag written by this class, OSError if the disk is full (the bag then needs
+    `recover`).
     """
     info = metadata.read(bag)
-    files = [file for one in info.files if (file := bag / one.path).is_file()] if info else []
+    files = [file for entry in info.files if (file := bag / entry.path).is_file()] if info else []
     if not files:
         raise InputError(f"{bag}: no bag")
     try:
@@ -117,7 +118,7 @@ class BagWriter:
 
     @property
     def folder(self) -> Path:
-        """Where the files lie until the bag is closed: under a temporary name if it is a ``whole`` one."""
+        """The folder of the files until the bag is closed; a temporary one if ``whole``."""
         return self._folder
 
     @property
@@ -139,10 +140,10 @@ class BagWriter:
         definition: str | None = None,
         type_hash: str | None = None,
     ) -> None:
-        """Register a topic of CDR messages before the first; no effect if it is there already with this type.
+        """Register a topic of CDR messages; no effect if it is already registered with this type.
 
-        ``definition`` and ``type_hash`` are for types that are not ROS 2 Jazzy's standard ones.
-        Raises InputError if the type is unknown or another one.
+        ``definition`` and ``type_hash`` are for types that are not ROS 2 Jazzy's standard ones. Raises InputError if
+        the type is unknown, or if the topic is registered with another type.
         """
         if (known := self._channels.get(name)) is not None:
             if known.info.type != type_name:
@@ -160,7 +161,7 @@ class BagWriter:
         )
 
     def add_interface(self, name: str, interface: Interface, qos: Sequence[Qos] = ()) -> None:
-        """Register a new topic whose messages are written as in the bag they come from."""
+        """Register a new topic with the message type as another bag has it."""
         channel = _Channel(metadata.TopicInfo(name, interface, tuple(qos)))
         self._register(channel)
         self._channels[name] = channel
@@ -184,8 +185,8 @@ class BagWriter:
             channel = self._channels[name]
         if not 0 <= log_time_ns < 1 << 63:
             raise InputError(f"{self._final}: topic {name}: log time {log_time_ns} ns is not a time since 1970")
-        self._before(log_time_ns)
-        # Counted first: if the disk is full just now, this message is in the chunk that is given up.
+        self._flush_or_split(log_time_ns)
+        # Counted before it is written: if the disk is full, the discarded chunk includes this message.
         channel.info.count += 1
         current = self.info.files[-1]
         current.start_ns = min(current.start_ns, log_time_ns) if current.count else log_time_ns
@@ -199,15 +200,15 @@ class BagWriter:
         self._file.add_metadata(name, {str(key): str(value) for key, value in values.items()})
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
-        """Write an attachment, such as the campaign.yaml."""
+        """Write an attachment, such as campaign.yaml."""
         self._file.add_attachment(name, data, media_type, self.info.files[-1].end_ns)
 
     def flush(self) -> None:
-        """Bring everything so far into the file."""
+        """Write everything so far to the file."""
         self._file.flush(fsync=self._fsync)
 
     def close(self) -> None:
-        """Complete the file and metadata.yaml; rename the folder onto its name; from then on no power cut loses it."""
+        """Complete the file and metadata.yaml, sync to disk and rename the folder to its final name."""
         if self._closed:
             return
         self._file.close()
@@ -226,9 +227,9 @@ class BagWriter:
         sync(self._final.parent)
 
     def close_short(self, last_records: Callable[[], Mapping[str, Mapping[str, str]]]) -> None:
-        """Close where the disk is full: give up as many of the last chunks as the summary needs room for.
+        """Close on a full disk: discard as many of the last chunks as needed to make room for the summary.
 
-        ``last_records`` gives the metadata records of the end; it is asked when ``counts`` are those that stay.
+        ``last_records`` returns the final metadata records; it is called when ``counts`` are up to date.
         Raises OSError if not even an empty file fits.
         """
         drop = self._file.drop_torn
@@ -249,7 +250,7 @@ class BagWriter:
                     raise
 
     def abandon(self) -> None:
-        """Stop without completing: a ``whole`` bag is removed, any other stays and can be recovered."""
+        """Stop without completing: a ``whole`` bag is deleted, any other stays and can be recovered."""
         self._closed = True
         self._file.abandon()
         if self._folder != self._final:
@@ -270,8 +271,8 @@ class BagWriter:
             self.abandon()
             raise
 
-    def _before(self, log_time_ns: int) -> None:
-        """Flush and split as the time of the next message asks for."""
+    def _flush_or_split(self, log_time_ns: int) -> None:
+        """Flush, and begin a new file, if due at the time of the next message."""
         if self._flushed_ns is None:
             self._flushed_ns = log_time_ns
         if self._flush_ns and log_time_ns - self._flushed_ns >= self._flush_ns:
@@ -300,7 +301,7 @@ class BagWriter:
             self._on_split(name)
 
     def _write_metadata(self) -> None:
-        """Keep metadata.yaml ahead of the messages, where a crash would leave the folder behind."""
+        """Update metadata.yaml before the messages, unless a crash would leave no folder anyway."""
         if self._folder == self._final:
             metadata.write(self._folder, self.info)
 

@@ -58,7 +58,7 @@ def describe(bag: Bag) -> str:
 
 
 def _film(bag: Bag, topic: str, file: Path) -> str:
-    """The video of a frame index topic; frames that are not as they were written are a problem of the bag."""
+    """A line on the video of a frame index topic; missing or damaged frames are added to the bag's problems."""
     frames, gone = VideoFrames(file), 0
     for message in bag.messages([topic]):
         try:

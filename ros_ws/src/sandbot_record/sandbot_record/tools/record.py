@@ -1,4 +1,4 @@
-"""record: topics to a bag that loses nothing and outlives a crash."""
+"""record: record topics to a bag, counting any loss, such that the bag survives a crash."""
 
 import argparse
 import re
@@ -30,7 +30,7 @@ def _record(argv: Sequence[str]) -> int:
     options, ros_arguments = cli.with_ros(_parser(), argv)
     _check(options)
     attachments = {path.name: _content(path) for path in options.attach}
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.tools.recorder_node import Selection, record
 
     selection = Selection(
@@ -49,7 +49,7 @@ def _record(argv: Sequence[str]) -> int:
 
 
 def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Recording":
-    """Open the bag. Raises InputError where it can't be."""
+    """Open the bag. Raises InputError if it can't be opened."""
     from sandbot_record.bags.recording import Limits, Recording
     from sandbot_record.bags.writer import BagWriter, Split
 
@@ -57,7 +57,7 @@ def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Re
         writer = BagWriter(
             options.out,
             compression=options.compression,
-            flush_period_s=0.0,  # Recording flushes, as time passes
+            flush_period_s=0.0,  # Recording does the flushing
             chunk_size=1 << 18,
             fsync=options.fsync,
             split=Split(int(options.max_size * MIB), options.max_duration),
@@ -91,7 +91,7 @@ def _parser() -> cli.Parser:
         "--images",
         choices=("raw", "jpeg", "video", "none"),
         default="raw",
-        help="what becomes of raw images: messages as they are, JPEG messages, a video file for each camera, nothing",
+        help="how raw images are recorded: as they are, as JPEG messages, as a video file for each camera, not at all",
     )
     parser.add_argument(
         "--pause-images", action="store_true", help="raw images only once /recorder/pause_images is called with false"
@@ -101,7 +101,9 @@ def _parser() -> cli.Parser:
     )
     parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
     parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
-    parser.add_argument("--min-free", type=float, default=200.0, metavar="MIB", help="stop when less is free (200)")
+    parser.add_argument(
+        "--min-free", type=float, default=200.0, metavar="MIB", help="stop when less space is free (200)"
+    )
     parser.add_argument("--attach", nargs="+", default=[], type=Path, metavar="YAML", help="files the bag is to carry")
     parser.add_argument("--fresh", action="store_true", help="leave out latched messages from before the recording")
     parser.add_argument(
@@ -109,7 +111,7 @@ def _parser() -> cli.Parser:
         action="store_true",
         help="end when standard input does; its last line is how the trial ended (exit_status of the bag)",
     )
-    parser.add_argument("--fsync", action="store_true", help="outlive a power cut, not only a crash")
+    parser.add_argument("--fsync", action="store_true", help="survive a power cut, not only a crash")
     return parser
 
 
@@ -140,7 +142,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _check_ignored(options: argparse.Namespace) -> None:
-    """Raise InputError for what would have no effect."""
+    """Raise InputError for options that would have no effect."""
     if options.exclude and not (options.all or options.regex):
         raise InputError("--exclude: of topics that are named none is left out; it is for --all or --regex")
     if options.pause_images and options.images == "none":

@@ -1,11 +1,11 @@
-"""The recorder's wiring: finds topics and types, subscribes as their publishers offer, hands the bytes on.
+"""The recorder node: finds topics and types, subscribes with the publishers' QoS, passes the bytes on.
 
-Messages are taken from DDS in a thread of our own with a wait set, not through an executor: only so do publish time and
-sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs least CPU.
+Messages are taken from DDS in a separate thread with a wait set, not through an executor: only this way are publish
+time and sequence number available (the events executor of these wheels can't deliver them), and it costs the least CPU.
 
-A lost message is seen in two ways: as a gap in the publisher's own numbers (where a topic has one publisher), and as
-the middleware's message-lost event. Neither sees what was published before we were matched, what a publisher threw out
-of its own queue before sending it to anybody while nothing came after it, or what a best-effort publisher sent last.
+A lost message is detected in two ways: as a gap in the publisher's sequence numbers (where a topic has one publisher),
+and by the middleware's message-lost event. Neither covers what was published before we were matched, what a publisher
+dropped from its own queue before sending it if nothing came after, or what a best-effort publisher sent last.
 """
 
 import re
@@ -36,21 +36,21 @@ from sandbot_record.bags.recording import Received, Recording
 
 NOTE = topics.Topic("/recorder/note", "std_msgs/msg/String")
 _DEPTH = 2000
-"""Deep enough for two seconds of 1 kHz when the CPU is busy; both ends need it (measured)."""
+"""Queue depth: two seconds of 1 kHz when the CPU is busy; both ends need it (measured)."""
 _BATCH_S = 0.005
-"""Messages are taken that often: waking up for each costs more than the message. DDS has stamped them on arrival."""
-_LOOK_AROUND_S = 0.1
+"""Period of taking messages: waking up for each costs more than the message. DDS stamps them on arrival."""
+_POLL_S = 0.1
 _SETTLED, _SETTLED_UNHEARD = 3, 10
-"""Looks in a row without anything new before "recording to" is said; more where a wanted topic has no publisher yet."""
+"""Polls in a row without anything new before "recording to" is printed; more if a wanted topic has no publisher yet."""
 _INTERNAL = ("/rosout", "/parameter_events", "/recorder/", topics.HEARTBEAT.name)
 _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg, video or none.
+    """What to record: named topics, all, or those matching ``regex``; ``images``: raw, jpeg, video or none.
 
-    ``fresh``: no latched messages from before the recording. ``end_with_stdin``: until standard input ends.
+    ``fresh``: no latched messages from before the recording. ``end_with_stdin``: stop when standard input ends.
     """
 
     names: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ class Selection:
     end_with_stdin: bool = False
 
     def __call__(self, name: str) -> bool:
-        """Whether a topic is asked for by name."""
+        """Whether a topic of this name is selected."""
         if name in self.names or name == NOTE.name:
             return True
         if name.startswith(_INTERNAL) or (self.exclude and re.search(self.exclude, name)):
@@ -80,17 +80,17 @@ class _Source:
     transient: bool
     reliable: bool
     loss: Any = None
-    """Event handle on which the middleware says that messages were lost; None where it can't."""
+    """Handle of the middleware's message-lost event; None where it is not supported."""
     publishers: int = 0
 
 
 @dataclass
 class _Receiver:
-    """Takes messages of all sources in one thread."""
+    """Takes the messages of all sources in one thread."""
 
     context: Any
     deliver: Callable[[_Source, bytes, Mapping[str, int]], None]
-    say_lost: Callable[[_Source, int], None]
+    count_lost: Callable[[_Source, int], None]
     sources: list[_Source] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -144,7 +144,7 @@ class _Receiver:
             if source.handle.pointer in ready:
                 self._take_all(source)
             if source.name in events and wait_set.is_ready("event", events[source.name]):
-                self.say_lost(source, source.loss.take_event().total_count_change)
+                self.count_lost(source, source.loss.take_event().total_count_change)
 
     def _take_all(self, source: _Source) -> None:
         while (taken := source.handle.take_message(source.type, True)) is not None:
@@ -158,16 +158,16 @@ class Recorder(Node):
         super().__init__("recorder")
         refuse_parameters(self)
         recording = begin()
-        # In a namespace: what is in it, by the names it has there, so that bags of any trackway look alike.
+        # In a namespace, record its topics without the namespace prefix, so that bags of all trackways look alike.
         self._space = self.get_namespace().rstrip("/")
         self._selection, self._recording = selection, recording
         self._trial, self._start_ns = b"", time.time_ns()
         self.done = False
         self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
-        self._receiver = _Receiver(self.context, self._deliver, self._say_lost)
+        self._receiver = _Receiver(self.context, self._deliver, self._count_lost)
         self._by_name: dict[str, _Source] = {}
         self._left_out: set[str] = set()
-        self._quiet_looks = 0
+        self._quiet_polls = 0
         self._announced = False
         self.create_service(Trigger, "recorder/start", self._on_start)
         self.create_service(Trigger, "recorder/stop", self._on_stop)
@@ -177,15 +177,15 @@ class Recorder(Node):
         for name in (*selection.names, NOTE.name):
             if name in _KNOWN:
                 self._subscribe(name, _KNOWN[name].type, [])
-        Timer(self, _LOOK_AROUND_S, self._look_around)
-        recording.on_stop = self._heed_stop
+        Timer(self, _POLL_S, self._poll_graph)
+        recording.on_stop = self._on_stopped
         if selection.end_with_stdin:
-            threading.Thread(target=self._heed_stdin, name="stdin", daemon=True).start()
+            threading.Thread(target=self._wait_for_stdin, name="stdin", daemon=True).start()
 
     def close(self) -> None:
         """Stop taking messages and close the bag."""
         if self._health.ended:
-            self._health.publish()  # before what takes longest: nobody may walk on unrecorded
+            self._health.publish()  # before the slow part: nobody may walk on unrecorded
         self._receiver.close()
         for source in self._by_name.values():
             if source.loss is not None:
@@ -193,50 +193,50 @@ class Recorder(Node):
             source.handle.destroy_when_not_in_use()
         self._recording.close(_provenance(self._trial, self._recording.reason or self._ended))
 
-    def _heed_stdin(self) -> None:
-        # A pipe ends with whoever holds its other end, killed or not: no recorder outlives its campaign.
+    def _wait_for_stdin(self) -> None:
+        # The pipe closes when the process at its other end exits, even if killed: no recorder outlives its campaign.
         said = [line.strip() for line in sys.stdin if line.strip()]
         self._ended = said[-1] if said else "whoever ran the trial is gone"
-        self.done = True  # in order: what has arrived by now is still taken
+        self.done = True  # a regular end: what has arrived by now is still recorded
 
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
-        # Stamps are of the publisher's clock, and ours may have been set since: they count until the trial's own /trial
-        # has come, which is from this host and told once we record.
+        # Stamps are of the publisher's clock, and our clock may be set meanwhile: they are compared only until this
+        # trial's /trial has arrived, which comes from this host and only once we record.
         if self._selection.fresh and source.transient and not self._trial and published < self._start_ns:
-            return  # the state another trial left behind
+            return  # a latched message of an earlier trial
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
         if source.name == topics.TRIAL.name:
             self._trial = data
-        # Of a second publisher the graph may tell later than its first message comes; what is matched does not.
+        # The graph may report a second publisher only after its first message; the matched count is up to date.
         sole = source.publishers == 1 and source.handle.get_publisher_count() == 1
         self._recording.put(message, sole_publisher=sole)
 
-    def _say_lost(self, source: _Source, count: int) -> None:
+    def _count_lost(self, source: _Source, count: int) -> None:
         self._recording.lose(source.name, count)
 
-    def _look_around(self) -> None:
+    def _poll_graph(self) -> None:
         if self._receiver.broken:
             self._recording.stop("receiving ended with an error")
         if self._recording.stopped.is_set():
-            self._heed_stop()
+            self._on_stopped()
             return
         new = False
         for full_name, types in self.get_topic_names_and_types():
             name = full_name.removeprefix(self._space)
             ours = full_name.startswith(f"{self._space}/")
             if ours and (self._selection(name) or name in self._by_name):
-                new |= self._look_at(name, types)
+                new |= self._update_source(name, types)
         self._announce(new)
 
-    def _heed_stop(self) -> None:
-        # Said at once: to close a bag on a full disk takes seconds, and legs may be moving.
+    def _on_stopped(self) -> None:
+        # Published at once: closing a bag on a full disk takes seconds, and legs may be moving.
         self._health.publish()
         self.done = True
 
-    def _look_at(self, name: str, types: Sequence[str]) -> bool:
-        """Subscribe if need be; whether anything changed or is not matched yet."""
+    def _update_source(self, name: str, types: Sequence[str]) -> bool:
+        """Subscribe if necessary; returns whether anything changed or is not matched yet."""
         publishers = self.get_publishers_info_by_topic(self._space + name)
         if len(types) > 1:
             self._refuse(name, f"it has several types: {', '.join(types)}")
@@ -295,12 +295,12 @@ class Recorder(Node):
             print(f"not recording {name}: {why}")
 
     def _announce(self, new: bool) -> None:
-        self._quiet_looks = 0 if new else self._quiet_looks + 1
+        self._quiet_polls = 0 if new else self._quiet_polls + 1
         wanted = set(self._selection.names) - self._left_out
         if self._announced or not wanted <= self._by_name.keys():
             return
         unheard = not wanted or any(not self._by_name[name].publishers for name in wanted)
-        if self._quiet_looks < (_SETTLED_UNHEARD if unheard else _SETTLED):
+        if self._quiet_polls < (_SETTLED_UNHEARD if unheard else _SETTLED):
             return
         self._announced = True
         print(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")
@@ -323,7 +323,7 @@ class Recorder(Node):
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         self._recording.stopped.set()
-        self._heed_stop()
+        self._on_stopped()
         response.success, response.message = True, "closing the bag"
         return response
 
@@ -334,7 +334,7 @@ class Recorder(Node):
 
     def _pause(self, paused: bool) -> None:
         self._recording.pause(paused, time.time_ns())
-        self._health.publish()  # at once: legs may be moving, and nobody records it
+        self._health.publish()  # at once: legs may be moving unrecorded
 
     def _on_pause_images(self, request: Any, response: Any) -> Any:
         self._recording.images_paused = request.data
@@ -345,12 +345,12 @@ class Recorder(Node):
 def _loss_event(subscription: Any) -> Any:
     try:
         return _rclpy.EventHandle(subscription, _rclpy.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST)
-    except _rclpy.UnsupportedEventTypeError:  # not every middleware says so
+    except _rclpy.UnsupportedEventTypeError:  # not every middleware has this event
         return None
 
 
 def _provenance(trial: bytes, ended: str) -> dict[str, dict[str, str]]:
-    """The metadata record ``trial`` from the last message on /trial; none if there was none or it is not JSON."""
+    """The metadata record ``trial`` from the last message on /trial; empty if there was none or it is not JSON."""
     try:
         text = interfaces.decode(trial, topics.TRIAL.type).data
         plan = parse_json(text, topics.TRIAL.name)
@@ -384,8 +384,8 @@ def _offered(publisher: TopicEndpointInfo) -> Qos:
 
 
 def record(selection: Selection, begin: Callable[[], Recording], arguments: Sequence[str] = ()) -> tuple[int, str]:
-    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 if something wanted is missing, and
-    the last line to print. ``begin`` opens the bag, once ROS has understood its arguments.
+    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure. Returns the exit code, 1 if something wanted
+    is missing, and the last line to print. ``begin`` opens the bag, after ROS has parsed its arguments.
     """
     begun: list[Recording] = []
 

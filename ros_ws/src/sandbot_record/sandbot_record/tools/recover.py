@@ -1,4 +1,4 @@
-"""recover: bring everything intact in a torn or damaged bag into a new, whole one, and say what is lost."""
+"""recover: copy everything intact in an unfinished or damaged bag to a new, complete one, and report the losses."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ def _recover(argv: Sequence[str]) -> None:
     parser.add_argument("bag", type=Path, metavar="BAG", help="the bag's folder, or one .mcap file; it is not changed")
     parser.add_argument("new", type=Path, metavar="NEW_BAG", help="the bag to write; must not exist")
     options = parser.parse_args(argv)
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.bags.recover import recover
 
     try:

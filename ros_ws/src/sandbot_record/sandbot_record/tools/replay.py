@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _replay(argv: Sequence[str]) -> int:
     parser = cli.Parser(prog="replay", description=__doc__)
     parser.add_argument("bag", type=Path, metavar="BAG", help="a bag's folder, or one .mcap or .db3 file")
-    parser.add_argument("--rate", "-r", type=float, default=1.0, help="bag seconds a second")
+    parser.add_argument("--rate", "-r", type=float, default=1.0, help="bag seconds per second (default: 1)")
     parser.add_argument("--loop", "-l", action="store_true", help="begin again at the end")
     parser.add_argument("--start", type=float, default=0.0, metavar="S", help="seconds after the first message")
     parser.add_argument("--until", type=float, metavar="S", help="seconds after the first message")
@@ -31,7 +31,7 @@ def _replay(argv: Sequence[str]) -> int:
     options, ros_arguments = cli.with_ros(parser, argv)
     if not 0 <= options.delay < 1e6:
         raise InputError(f"--delay: {options.delay} is not a number of seconds from 0 up")
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.bags.playback import Player, Timeline
     from sandbot_record.bags.reader import Bag
     from sandbot_record.tools.replay_node import Options, replay
@@ -48,7 +48,7 @@ def _replay(argv: Sequence[str]) -> int:
 
 
 def _remap(texts: Sequence[str], played: Collection[str]) -> dict[str, str]:
-    """New names by the old ones, which are played."""
+    """New topic names by old ones. Raises InputError if an old one is not ``played`` or is given two new names."""
     pairs: dict[str, str] = {}
     for text in texts:
         old, _, new = text.partition(":=")

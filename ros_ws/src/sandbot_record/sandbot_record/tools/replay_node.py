@@ -1,7 +1,7 @@
-"""The replay's wiring: publishes what the player says is due, with the QoS it was recorded with, and /clock.
+"""The replay node: publishes the messages that are due with their recorded QoS, and /clock.
 
-Space pauses, arrow keys seek by a second and change the rate, where a terminal is attached; services and parameters do
-the same for programs: /replay/pause (SetBool), /replay/restart (Trigger), parameters `rate` and `position_s`.
+With a terminal, space pauses, and arrow keys seek by a second and change the rate; for programs there are the services
+/replay/pause (SetBool) and /replay/restart (Trigger), and the parameters `rate` and `position_s`.
 """
 
 import contextlib
@@ -37,22 +37,22 @@ from sandbot_record.bags.reader import Message
 
 _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
-"""The last part of a wait is spent awake: a sleep ends late by about this much."""
+"""The last part of a wait is a busy loop, as a sleep ends late by about this much."""
 _MIN_DEPTH = 50
-_LOOK_S, _TURN_S = 0.5, 0.05
+_DISCOVERY_S, _CHECK_PERIOD_S = 0.5, 0.05
 _COMMANDS = (topics.LEG_SETPOINTS.name, topics.BED_BLOWER.name, topics.OPERATOR_LEASE.name)
-"""What legs and air obey."""
+"""Topics that control legs and air."""
 _REPORTS = (topics.LEG_STATES.name, topics.BED_HEIGHT.name)
-"""What a robot and a bed that are there report."""
+"""Topics that a live robot and bed publish."""
 _KEY = re.compile("\x1b\\[[A-D]|.")
-"""One key: an arrow or a character; keys struck quickly come together."""
+"""One key, an arrow or a character: keys typed quickly arrive in one read."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to publish: new names for topics, /clock or not, and how long to wait for subscribers to be found.
+    """How to publish: new names for topics, /clock or not, and how long to wait for the discovery of subscribers.
 
-    ``commands``: whether legs and air may be commanded although a live robot or bed would obey.
+    ``commands``: whether to publish commands for legs and air even if a live robot or bed would obey them.
     """
 
     remap: Mapping[str, str]
@@ -74,43 +74,44 @@ class Replay(Node):
             name: self.create_publisher(_class(info), options.remap.get(name, topics.relative(name)), _qos(info))
             for name, info in player.timeline.topics.items()
         }
-        self._watched = () if options.commands else self._of_whoever_obeys()
-        self._refuse_live()
+        self._watched = () if options.commands else self._live_topics()
+        self._check_not_live_at_start()
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
         self.published = self.missing = 0
         self.create_service(SetBool, "replay/pause", self._on_pause)
         self.create_service(Trigger, "replay/restart", self._on_restart)
-        self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds a second, above 0"))
+        self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds per second, above 0"))
         self.declare_parameter(
             "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
         )
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
-        Timer(self, _TURN_S, self._look)
+        Timer(self, _CHECK_PERIOD_S, self._check)
 
-    def _of_whoever_obeys(self) -> tuple[str, ...]:
-        """The topics of a robot or bed that would obey the bag's commands, and of another commander; none without."""
-        # Of whatever trackway they command: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
-        spaces = {name.removesuffix(one) for name in self._commands for one in _COMMANDS if name.endswith(one)}
+    def _live_topics(self) -> tuple[str, ...]:
+        """Topics that another commander, or a robot or bed that would obey the bag's commands, would publish."""
+        # In any namespace: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
+        spaces = {name.removesuffix(end) for name in self._commands for end in _COMMANDS if name.endswith(end)}
         return tuple(space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS))
 
     @property
     def _commands(self) -> list[str]:
-        """The bag's topics that legs or air obey, as they are published here."""
+        """The bag's topics that control legs or air, under their published names."""
         names = [outlet.topic_name for outlet in self._outlets.values()]
         return [name for name in names if name.endswith(_COMMANDS)]
 
-    def _refuse_live(self) -> None:
-        """Raise InputError where commands would reach a running robot or bed, or compete with another commander."""
-        deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if self._watched else 0.0
+    def _check_not_live_at_start(self) -> None:
+        """Repeat ``_check_not_live`` until the discovery of publishers has had its time."""
+        deadline = time.monotonic() + max(self._options.delay_s, _DISCOVERY_S) if self._watched else 0.0
         while time.monotonic() < deadline:
-            self._end_where_live()
-            self._stop.wait(_TURN_S)
+            self._check_not_live()
+            self._stop.wait(_CHECK_PERIOD_S)
 
-    def _end_where_live(self) -> None:
+    def _check_not_live(self) -> None:
+        """Raise InputError if commands would reach a running robot or bed, or compete with another commander."""
         for name in self._watched:
             if any(other != self.get_name() for other in names_of(self.get_publishers_info_by_topic(name))):
                 raise InputError(
@@ -125,7 +126,7 @@ class Replay(Node):
         self._thread.join()
 
     def last_line(self) -> str:
-        """How many messages, and how late they were."""
+        """The summary line printed at the end: how many messages, and how late they were."""
         replayed = f"replayed {self.published} messages"
         if self.missing:
             replayed += f", {self.missing} frames were not in their video"
@@ -136,7 +137,7 @@ class Replay(Node):
         return f"{replayed}; late by {late}"
 
     def key(self, key: str) -> None:
-        """What a key of the terminal does."""
+        """Handle a key of the terminal."""
         now = time.monotonic_ns()
         with self._lock:
             player = self._player
@@ -149,14 +150,14 @@ class Replay(Node):
                 player.set_rate(player.rate * (1.1 if key == "\x1b[A" else 1 / 1.1), now)
         self._changed.set()
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         if not self._thread.is_alive():
             self.done = True
-        # Who is switched on while this plays would obey it without a lease.
-        self._end_where_live()
+        # A robot or bed switched on during the replay would obey it without a lease.
+        self._check_not_live()
 
     def _play(self) -> None:
-        with contextlib.suppress(InputError):  # its block is loaded now
+        with contextlib.suppress(InputError):  # only to load its block now
             _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]
         self._stop.wait(self._options.delay_s)
         for kept in self._player.latched_before_start():
@@ -212,7 +213,7 @@ class Replay(Node):
         with self._lock:
             self._player.seek(0.0, time.monotonic_ns())
         self._changed.set()
-        response.success, response.message = True, "from the start"
+        response.success, response.message = True, "restarted"
         return response
 
     def _on_parameters(self, changed: list[Parameter]) -> SetParametersResult:
@@ -279,7 +280,7 @@ def _class(info: TopicInfo) -> Any:
 
 
 def _qos(info: TopicInfo) -> QoSProfile:
-    """As recorded, the weakest of several publishers; reliable and volatile where nothing is known."""
+    """As recorded, with the weakest guarantees of several publishers; reliable and volatile if nothing is known."""
     latched = bool(info.qos) and all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in info.qos)
     reliable = all(profile.reliability != QosReliability.BEST_EFFORT for profile in info.qos)
     depth = (

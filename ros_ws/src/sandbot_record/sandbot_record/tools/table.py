@@ -32,14 +32,14 @@ def _table(argv: Sequence[str]) -> None:
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
         out = out or check_output(first / table.TRIALS_CSV)
-        # Absolute, because the workers of a cluster stand elsewhere.
+        # Absolute, because the workers of a cluster have another working directory.
         with crew_of(options) as crew:
             crew.check(first)
             report = table.make(first.absolute() if options.dask else first, crew, out)
         rows, skipped = report.trials, report.skipped
     else:
         no_crew(options, "only the bags of one folder are shared out; these are read one by one")
-        out = out and table.nothing_lost(out)
+        out = out and table.check_no_column_lost(out)
         rows = read(options.data)
         if out is not None:
             with writing(out):
@@ -48,14 +48,14 @@ def _table(argv: Sequence[str]) -> None:
         print(to_csv(rows), end="")
     else:
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
-    # Beside the table, not in it: what is printed may be kept as a file.
-    beside = sys.stderr if out is None else sys.stdout
+    # Not mixed with the table on standard output, which may be redirected to a file.
+    stream = sys.stderr if out is None else sys.stdout
     for line in rows.unread:
-        print(f"note: {line}", file=beside)
+        print(f"note: {line}", file=stream)
     for row in rows.select(rows.status != OK).rows():
-        print(f"not usable: {row.trial_id}: {row.status}", file=beside)
+        print(f"not usable: {row.trial_id}: {row.status}", file=stream)
     for line in skipped.values():
-        print(f"skipped: {line}", file=beside)
+        print(f"skipped: {line}", file=stream)
 
 
 if __name__ == "__main__":

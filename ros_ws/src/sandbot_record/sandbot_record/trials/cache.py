@@ -1,7 +1,8 @@
-"""What bags gave, kept beside them in ``.table-cache.json``: no bag is read twice.
+"""Cache of the rows measured from bags, in ``.table-cache.json`` next to them, so that no bag is read twice.
 
-By the hash of its content, so that a bag that was copied or renamed is known; and by the names, sizes and times of its
-files, so that one nobody has touched is not even hashed. Columns, and what bags share (robot, cameras) once.
+Rows are keyed by a hash of the bag's content, so that copied or renamed bags are recognised; the hash itself is cached
+by the names, sizes and times of the bag's files, so that untouched bags are not hashed again. Settings shared by bags
+(robot, cameras) are stored once.
 """
 
 import contextlib
@@ -23,76 +24,76 @@ from sandbot_record.trials.table import COLUMNS, Row
 
 CACHE = ".table-cache.json"
 RECIPE = "11"
-"""Raise it when rows are made otherwise: none of an earlier one is taken."""
+"""Version of the way rows are measured; increment it on a change, to discard rows of earlier versions."""
 
 Measured = tuple[Row, Setting]
 
 
 @dataclass
 class Cache:
-    """Rows and settings by content hash, and the hash of each bag by what its files looked like."""
+    """Rows and settings by content hash, and the content hash of each bag by the state of its files."""
 
     folder: Path
     measured: dict[str, Measured] = field(default_factory=dict)
     seen: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """By a bag's name: what its files looked like, and its hash."""
+    """By bag name: the state of its files (``_file_state``) and its content hash."""
     tabled: set[str] = field(default_factory=set)
-    """Hashes of the bags as they were when trials.csv was written; none where that is not known."""
+    """Content hashes of the bags when trials.csv was written; empty if unknown."""
     written: str = ""
-    """The hash of trials.csv as it was written, if nothing in it was a person's."""
+    """The hash of trials.csv as last written, if it contained no manual edits."""
 
     @classmethod
     def read(cls, folder: Path) -> "Cache":
-        """The cache of a folder; one that can't be read is none."""
+        """The cache of a folder; empty if it can't be read."""
         try:
             content = files.read_json(folder / CACHE)
             own = cls(folder, tabled=set(content.get("tabled", ())), written=str(content.get("written", "")))
             if content["recipe"] != RECIPE:
                 return own
-            settings = [_setting(one) for one in content["settings"]]
+            settings = [_setting(entry) for entry in content["settings"]]
             rows = zip(*(_numbers(content["rows"][name]) for name in COLUMNS), strict=True)
             which = [settings[index] for index in content["setting"]]
             pairs = [(Row(*row), setting) for row, setting in zip(rows, which, strict=True)]
-            seen = {name: (str(looks), str(key)) for name, (looks, key) in content["seen"].items()}
+            seen = {name: (str(state), str(key)) for name, (state, key) in content["seen"].items()}
             return dataclasses.replace(own, measured=dict(zip(content["hash"], pairs, strict=True)), seen=seen)
         except (InputError, TypeError, ValueError, AttributeError, LookupError):
             return cls(folder)
 
     def key(self, bag: Path) -> str:
-        """The hash of a bag's content; it is read only where its files look otherwise than before."""
-        looks = _looks(bag)
+        """The hash of a bag's content, computed only if its files have changed."""
+        state = _file_state(bag)
         before, key = self.seen.get(bag.name, ("", ""))
-        if looks != before:
+        if state != before:
             key = content_hash(bag)
-            self.seen[bag.name] = (looks, key)
+            self.seen[bag.name] = (state, key)
         return key
 
     def trial_id(self, bag: Path) -> str:
-        """What a bag calls its trial, if that is known; else its own name."""
+        """The trial id in a bag, if cached; else the bag's name."""
         found = self.measured.get(self.seen.get(bag.name, ("", ""))[1])
         return found[0].trial_id if found else bag.name
 
     def get(self, key: str, bag: Path) -> Measured | None:
-        """What a bag gave."""
+        """The cached row and setting of a bag."""
         found = self.measured.get(key)
         return found and (found[0], dataclasses.replace(found[1], where=str(bag)))
 
     def write(self, keys: Mapping[Path, str]) -> None:
-        """Keep what is known of these bags, and of no others."""
+        """Write the cache, with these bags only."""
         kept = [key for key in dict.fromkeys(keys.values()) if key in self.measured]
         shared: dict[Setting, int] = {}
-        which = [shared.setdefault(_nowhere(self.measured[key][1]), len(shared)) for key in kept]
+        which = [shared.setdefault(_without_place(self.measured[key][1]), len(shared)) for key in kept]
         content = {
             "recipe": RECIPE,
             "hash": kept,
             "rows": {name: [_jsonable(getattr(self.measured[key][0], name)) for key in kept] for name in COLUMNS},
             "setting": which,
-            "settings": [_plain(one) for one in shared],
+            "settings": [_plain(setting) for setting in shared],
             "seen": {bag.name: self.seen[bag.name] for bag in keys},
             "tabled": sorted(self.tabled),
             "written": self.written,
         }
-        # A read-only campaign is read all the same, only not as fast the next time.
+        # A read-only campaign is read all the same, only without a cache.
         with contextlib.suppress(OSError):
             files.write_text(self.folder / CACHE, json.dumps(content, allow_nan=False))
 
@@ -108,11 +109,11 @@ def content_hash(bag: Path) -> str:
     return digest.hexdigest()
 
 
-def _looks(bag: Path) -> str:
-    """Names, sizes and times of a bag's files; the time of the last change of any kind can't be set by anybody."""
+def _file_state(bag: Path) -> str:
+    """Hash of the names, sizes and times of a bag's files; includes ctime, which users can't set."""
     stats = [(file.name, file.stat()) for file in files_of(bag)]
-    told = "\0".join(f"{name}\0{one.st_size}\0{one.st_mtime_ns}\0{one.st_ctime_ns}" for name, one in stats)
-    return hashlib.blake2b(told.encode(), digest_size=16).hexdigest()
+    text = "\0".join(f"{name}\0{stat.st_size}\0{stat.st_mtime_ns}\0{stat.st_ctime_ns}" for name, stat in stats)
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def files_of(bag: Path) -> Sequence[Path]:
@@ -120,7 +121,7 @@ def files_of(bag: Path) -> Sequence[Path]:
     return sorted(path for path in bag.iterdir() if path.is_file()) if bag.is_dir() else [bag]
 
 
-def _nowhere(setting: Setting) -> Setting:
+def _without_place(setting: Setting) -> Setting:
     rate = None if math.isnan(setting.frame_rate_hz) else setting.frame_rate_hz  # a NaN is not equal to itself
     return dataclasses.replace(setting, where="", frame_rate_hz=rate)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Trials that are in a table more than once: as replicates they make every error too small, and true models fail."""
+"""Trials duplicated in a table: counted as replicates, they make every error too small, and true models fail."""
 
 import math
 from collections import Counter
@@ -7,46 +7,47 @@ from dataclasses import replace
 
 from sandbot_record.trials.table import OK, Row
 
-LONG = 6
-"""Digits of a measured value that are no chance in two trials, unless it is 1 m in 5.3 s."""
-SEVERAL = 2
-"""Such values from which two trials that agree in all are one."""
-SET_POINT = 3
-"""Decimals of a φ that was asked for, and not measured."""
+LONG_DIGITS = 6
+"""Digits from which a measured value does not agree by chance in two trials; a ratio such as 1 m in 5.3 s still may."""
+MIN_LONG_VALUES = 2
+"""Values of so many digits from which two trials that agree in all measured values are copies."""
+SET_POINT_DECIMALS = 3
+"""A φ of at most so many decimals is taken for a set-point, not a measurement."""
 
 
-def counted_once(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
-    """The same rows, those that are copies of others with a status that says so; and a clause if there are any.
+def mark_copies(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+    """The same rows, with a status that excludes duplicates of others; and a note on their number, if any.
 
-    Copies are known by values of many digits; where all are rounded, by every trial being there several times. Where
-    each set-point has but one row so repeated, that may be rounding, and they are left.
+    Copies are recognised by measured values with many digits or, if all values are rounded, by every trial occurring
+    the same number of times. If each set-point has only one such repeated row, rounded replicates may simply agree, and
+    all are kept.
     """
-    copied = {**_many_digits(rows), **_whole_table(rows)}
+    copied = {**_copies_by_digits(rows), **_copies_of_table(rows)}
     if not copied:
         return list(rows), []
     marked = [replace(row, status=f"a copy of {copied[at]}") if at in copied else row for at, row in enumerate(rows)]
-    return marked, [f"{len(copied)} trials are copies of others, to the last digit, and count once"]
+    return marked, [f"{len(copied)} trials are exact copies of others and are counted once"]
 
 
-def _many_digits(rows: Sequence[Row]) -> dict[int, str]:
-    """Of each copy, by its place, which trial it is a copy of."""
+def _copies_by_digits(rows: Sequence[Row]) -> dict[int, str]:
+    """The original's trial id, by the index of each copy."""
     first: dict[str, str] = {}
     found: dict[int, str] = {}
     for at, row in enumerate(rows):
-        if row.status == OK and sum(digits(value) >= LONG for value in measured(row)) >= SEVERAL:
+        if row.status == OK and sum(digits(value) >= LONG_DIGITS for value in measured(row)) >= MIN_LONG_VALUES:
             original = first.setdefault(repr((_condition(row), measured(row))), row.trial_id)
             if original != row.trial_id:
                 found[at] = original
     return found
 
 
-def _whole_table(rows: Sequence[Row]) -> dict[int, str]:
-    """The same where every trial is there several times."""
+def _copies_of_table(rows: Sequence[Row]) -> dict[int, str]:
+    """The same for a table pasted several times, in which the number of times each trial occurs has a common factor."""
     counted = [at for at, row in enumerate(rows) if row.status == OK]
     keys = [_key(rows[at]) for at in counted]
-    there = Counter(keys)
-    times = math.gcd(*there.values())
-    set_points = all(row.phi == round(row.phi, SET_POINT) for row in rows if row.status == OK)
+    counts = Counter(keys)
+    times = math.gcd(*counts.values())
+    set_points = all(row.phi == round(row.phi, SET_POINT_DECIMALS) for row in rows if row.status == OK)
     if times < 2 or (set_points and len(set(keys)) == len({_condition(rows[at]) for at in counted})):
         return {}
     first: dict[str, str] = {}
@@ -54,14 +55,14 @@ def _whole_table(rows: Sequence[Row]) -> dict[int, str]:
     found = {}
     for at, key in zip(counted, keys, strict=True):
         original = first.setdefault(key, rows[at].trial_id)
-        if seen[key] >= there[key] // times:
+        if seen[key] >= counts[key] // times:
             found[at] = original
         seen[key] += 1
     return found
 
 
 def digits(value: float) -> int:
-    """How many digits a value has; of 16 the last may be the computer's: 0.07 from 7 cm."""
+    """Significant digits of a value among the first 13; the last of 16 may be rounding error, as in 0.07 from 7 cm."""
     return 0 if math.isnan(value) else len(f"{abs(value):.12e}".partition("e")[0].replace(".", "").rstrip("0"))
 
 
@@ -75,5 +76,5 @@ def _condition(row: Row) -> tuple[float, float, str]:
 
 
 def _key(row: Row) -> str:
-    """All that a trial says but its name and when it was run; as text, for what was not measured is NaN, not itself."""
+    """All of a trial but its id, order and time; as text, because NaN (not measured) is not equal to itself."""
     return repr(replace(row, trial_id="", run_order=math.nan, started=""))

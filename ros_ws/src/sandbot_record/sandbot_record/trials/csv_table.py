@@ -1,4 +1,4 @@
-"""A trials table as CSV: this project's own, or one from anywhere that has the three required columns."""
+"""A trials table as CSV: this project's own, or any table with the three required columns."""
 
 import contextlib
 import csv
@@ -26,18 +26,18 @@ _BOUNDS = {
     "first_step_m": (-10.0, 10.0, "a length in m"),
 }
 NAMELESS = re.compile(r"row\d+")
-"""What trials are called whose table names none."""
+"""Generated ids of trials in tables without a trial_id."""
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_MEASURED = frozenset(
     {"", "-", "--", "–", "—", ".", "?", "n/a", "na", "<na>", "nan", "null", "none", "nd", "n.d.", "k.a."}
     | {"#n/a", "#na", "#nv", "#div/0!", "#value!", "#wert!"}
 )
-"""What people write in the cell of a value that was not measured, in small letters."""
+"""Common spellings of "not measured", in lower case."""
 _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem", "sum", "total", "min", "max"})
-"""What a spreadsheet's last rows are called, in small letters."""
+"""Common names of a spreadsheet's summary rows, in lower case."""
 _MARKS = frozenset({"exclude", "excluded", "outlier", "valid", "use", "used", "ok", "good", "bad", "quality", "flag"})
-"""What people call columns that mark trials not to be used, in small letters."""
+"""Common names of columns that mark trials to exclude, in lower case."""
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction", "packing_fraction", "solid_fraction"), "phi"),
@@ -56,26 +56,26 @@ _FACTORS = {
     **dict.fromkeys(("speed_m_s", "speed_sd_m_s", "peak_speed_m_s"), _SPEEDS),
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
 }
-"""Factors to the table's units of what stands in brackets behind a quantity."""
+"""Conversion factors to the table's units, by the unit in brackets after a quantity."""
 _UNITS = {"m_s": "m/s", "cm_s": "cm/s", "mm_s": "mm/s", "rad_s": "rad/s", "percent": "%"}
-"""Units as they are written in a name."""
+"""Units as written at the end of a column name."""
 
 
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
-    header, lines = _units_below(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read))
+    header, lines = _with_unit_row(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read))
     return replace(from_rows(rows_of(header, lines, str(path))), unread=unread(header))
 
 
 def write_csv(trials: Trials, path: Path) -> None:
-    """Write the table, whole or not at all."""
+    """Write the table atomically."""
     files.write_text(path, to_csv(trials))
 
 
 def to_csv(trials: Trials) -> str:
-    """The table as CSV text; what was not measured is empty, numbers read back exactly.
+    """The table as CSV text; values not measured are empty, numbers are exact when read back.
 
-    Columns of order and time are written only where they hold something.
+    Columns of order and time are written only if they are not empty.
     """
     rows = trials.rows()
     cells = {name: [_cell(getattr(row, name)) for row in rows] for name in COLUMNS}
@@ -88,7 +88,7 @@ def to_csv(trials: Trials) -> str:
 
 
 def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]], where: str) -> list[Row]:
-    """The rows of a table given as text: (row number, cells by column). ``where`` opens every message (InputError)."""
+    """The rows of a table given as (row number, cells by column). ``where`` is the prefix of every InputError."""
     header = _known_names(given)
     if not any(header):
         raise InputError(f"{where}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
@@ -104,28 +104,28 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     return rows
 
 
-def _units_below(
+def _with_unit_row(
     header: Sequence[str], lines: Iterable[tuple[int, dict[str, str]]]
 ) -> tuple[Sequence[str], Iterable[tuple[int, dict[str, str]]]]:
-    """The same with the units that a second row tells in the header, if it does."""
+    """Header and lines, with the units of a second header row, if there is one, moved to the column names."""
     lines = list(lines)
     below = {name: _unit(cell.strip("[()]")) for name, cell in lines[0][1].items()} if lines else {}
     units = any(cell in _factors(name) for name, cell in below.items())
-    if not units or not all(_may_be_below(name, cell) for name, cell in below.items()):
+    if not units or not all(_fits_unit_row(name, cell) for name, cell in below.items()):
         return header, lines
-    told = [f"{name} [{below[name]}]" if below[name] and _name(name) in _QUANTITIES else name for name in header]
-    return told, [(at, {new: cells[old] for old, new in zip(header, told, strict=True)}) for at, cells in lines[1:]]
+    full = [f"{name} [{below[name]}]" if below[name] and _name(name) in _QUANTITIES else name for name in header]
+    return full, [(at, {new: cells[old] for old, new in zip(header, full, strict=True)}) for at, cells in lines[1:]]
 
 
-def _may_be_below(name: str, cell: str) -> bool:
-    """Whether a cell is no value of its column but its unit, or empty: for a name that has its unit, that one."""
+def _fits_unit_row(name: str, cell: str) -> bool:
+    """Whether a cell is empty or the unit of its column, not a value; the right unit if the name already has one."""
     if not cell or not (factors := _factors(name)):
         return not files.NUMBER.fullmatch(cell)
     return cell in factors and (_name(name) in _QUANTITIES or factors[cell] == 1.0)
 
 
 def _factors(name: str) -> dict[str, float]:
-    """Of the units of what a column holds; none of what has no unit."""
+    """Conversion factors of the units a column may have; empty if it has none."""
     return _FACTORS.get(_QUANTITIES.get(_name(name), name), {})
 
 
@@ -134,8 +134,8 @@ def _is_read(name: str) -> bool:
 
 
 def _known_names(header: Sequence[str]) -> list[str]:
-    """The header with what stands for ``batch``, or carries its unit, under the table's names; not what is there under
-    the table's own name as well."""
+    """The header with synonyms of ``batch`` and names with units replaced by the table's names, unless the table's own
+    name is also there."""
     written = [_name(name) for name in header]
     synonym = next((name for name in BATCH_SYNONYMS if name in written), None) if "batch" not in written else None
     known = [
@@ -148,8 +148,8 @@ def _known_names(header: Sequence[str]) -> list[str]:
 
 
 def _unit_in_header(given: str) -> tuple[str, float]:
-    """The table's name of a column such as ``omega [Hz]`` or ``speed_cm_s``, and the factor to its unit; others as they
-    are."""
+    """The table's name of a column such as ``omega [Hz]`` or ``speed_cm_s``, and the factor to its unit; other names
+    are unchanged."""
     if (written := _name(given)) in COLUMNS:
         return written, 1.0
     name, unit = _with_unit(given)
@@ -158,34 +158,34 @@ def _unit_in_header(given: str) -> tuple[str, float]:
 
 
 def _with_unit(given: str) -> tuple[str, str]:
-    """The table's name of a quantity with a unit in brackets or at the end of its name, and that unit; else empty.
+    """The table's name of a quantity whose column name has a unit, in brackets or at its end, and the unit; else empty.
 
-    A volume fraction needs none.
+    A volume fraction needs no unit.
     """
     written = _name(given)
     if _QUANTITIES.get(written) == "phi":
         return "phi", "1"
     if found := re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given):
         return _QUANTITIES.get(_name(found[1]), ""), _unit(found[2])
-    # What else may stand behind a quantity's name is part of another's.
+    # Any other ending is not a unit but part of another name.
     ends = {name: _unit(written[len(name) + 1 :]) for name in _QUANTITIES if written.startswith(f"{name}_")}
     known = [(_QUANTITIES[name], unit) for name, unit in ends.items() if unit in _FACTORS[_QUANTITIES[name]]]
     return next(((meant, unit) for meant, unit in known if unit not in "1-"), ("", ""))
 
 
 def _unit(text: str) -> str:
-    """A unit as it stands in the table of factors: m s-1, m·s⁻¹ and m/sec are m/s."""
+    """A unit as spelt in the table of factors: m s-1, m·s⁻¹ and m/sec become m/s."""
     plain = _plain(text).replace("\N{MINUS SIGN}", "-").replace("^", "").replace("/sec", "/s")
     return _UNITS.get(plain, re.sub(r"[ .·⋅*]?s-1$", "/s", plain))
 
 
 def _plain(text: str) -> str:
-    """In small letters, and each by one code point: µ and ϕ are typed as a micro sign and a symbol, too."""
+    """In lower case and with equivalent code points unified, as µ may be a micro sign and ϕ a symbol."""
     return unicodedata.normalize("NFKC", text).strip().lower()
 
 
 def _name(text: str) -> str:
-    """As columns are called, however it is written."""
+    """A column name in lower case with underscores."""
     return _plain(text).replace(" ", "_")
 
 
@@ -212,12 +212,12 @@ def foreign(given: Sequence[str]) -> list[str]:
 
 
 def unread(given: Sequence[str]) -> tuple[str, ...]:
-    """Columns that the table has no place for, and what they would have to become where that can be told."""
+    """Notes on the columns that are not read, with a suggestion where the intended column is recognisable."""
     header = _known_names(given)
     missing = [name for name in COLUMNS if name not in header]
     found, others = [], []
     for column in foreign(given):
-        # Where the quantity is there under its own name, another column may say what it likes: f [N] is a force.
+        # If the quantity has its own column, this one is unrelated: f [N] is a force.
         meant = _with_unit(column)[0] or _QUANTITIES.get(_name(column), "")
         name = meant or near(column, missing)
         if name in missing:
@@ -227,18 +227,18 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
         else:
             others.append(column)
     if marks := [column for column in others if _plain(column) in _MARKS]:
-        found.append(f"what {' and '.join(marks)} says of trials is not read: to leave some out takes a status, not ok")
+        found.append(f"{' and '.join(marks)} is not read: to exclude a trial, give it a status other than ok")
     return (*found, *([f"columns that are not read: {', '.join(others)}"] if others else []))
 
 
 def _hint(name: str, header: Sequence[str]) -> str:
-    """What a foreign column should become, or what there is."""
+    """A suggestion which column was meant, or a list of those there are."""
     for other in header:
         if _QUANTITIES.get(_name(other)) == name:
             return f"; {other} needs its unit, {other} [{'], ['.join(_FACTORS[name])}]"
     if any(map(files.NUMBER.fullmatch, header)):
         return "; there are numbers in that row: names of the columns are needed on top, and below them a row a trial"
-    # With a unit of its own, a column is not misspelt but not understood.
+    # A known quantity with a unit is not misspelt: its unit is unknown.
     if foreign := next((other for other in header if _with_unit(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     if len(header) == 1 and " " in header[0]:
@@ -253,7 +253,7 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
     status = OK if status.lower() == OK else status
     if status == OK and (summary := cells.get("trial_id", "")).lower() in _SUMMARIES:
         raise InputError(
-            f"{where}, column trial_id: {summary!r} is no trial but sums up others; leave it out (or a status other "
+            f"{where}, column trial_id: {summary!r} is a summary, not a trial; leave it out (or give it a status other "
             "than ok)"
         )
     values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status, "batch": "", "started": ""}
@@ -261,7 +261,7 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
         text = cells.get(name, "")
         if name in TEXTS:
             text = "" if text.lower() in _NOT_MEASURED else text
-            text = _AS_ONE[name](text) if name in _AS_ONE else text
+            text = _CANONICAL[name](text) if name in _CANONICAL else text
             values[name] = values[name] if name == "status" else text or values[name]
         else:
             values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
@@ -269,17 +269,17 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
 
 
 def _gait(text: str) -> str:
-    """A preset by its own name, however it is written."""
+    """A preset's name in upper case; other names unchanged."""
     return text.upper() if text.upper() in PRESETS else text
 
 
 def _batch(text: str) -> str:
-    """A day by its number, which a spreadsheet writes as 1 or 1.0."""
+    """A numbered batch without decimals, as a spreadsheet may write 1 or 1.0."""
     return text.removesuffix(".0") if text.removesuffix(".0").isdecimal() else text
 
 
-_AS_ONE = {"gait": _gait, "batch": _batch}
-"""What is written in several ways and meant as one."""
+_CANONICAL = {"gait": _gait, "batch": _batch}
+"""Functions that unify different spellings of the same value."""
 
 
 def _number(where: str, name: str, text: str, *, required: bool) -> float:

@@ -1,4 +1,4 @@
-"""The lateral film of a trial: its frames with the tracked marks drawn on them, and when each was taken."""
+"""The lateral film of a trial: its frames with the tracked markers drawn on them, and the time of each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,13 +20,13 @@ from sandbot_record.trials.from_bags import start_ns
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 
 SCALE = 1.5
-"""Frames are enlarged before the marks are drawn, so that a mark is thinner than the disc it marks."""
+"""Frames are enlarged before the marks are drawn, so that a mark is thinner than the marker disc."""
 ROWS_KEPT = (0.45, 0.75)
-"""The part of the frame's height in which the robot walks."""
+"""The part of the frame's height in which the robot walks, from the top."""
 MARKS = {topics.FRONT_AXLE: (0, 165, 255), topics.REAR_AXLE: (255, 170, 0)}
 _RAW = topics.LATERAL_IMAGE.name
 KEPT = (topics.LATERAL_JPEG.name, _RAW, video.index_name(_RAW))
-"""Topics that hold the lateral frames, one of them in a bag that kept them."""
+"""Topics that may hold the lateral frames; a bag with frames has one of them."""
 _POINT = ("point.x", "point.y", "point.z")
 
 
@@ -43,11 +43,11 @@ class Film:
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """When each frame was taken, from the start of the legs, (n,)."""
+        """Time of each frame since the start of the legs [s], (n,)."""
         return np.asarray((self.stamp_ns - self.zero_ns) * 1e-9)
 
     def picture(self, i: int) -> Pixels:
-        """Frame ``i`` in colour (BGR) with the axles marked, the part in which the robot walks."""
+        """Frame ``i`` in colour (BGR) with the axles marked, cropped to the part in which the robot walks."""
         picture = cv2.cvtColor(
             cv2.resize(self.grey(i), None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_CUBIC), cv2.COLOR_GRAY2BGR
         )
@@ -68,7 +68,7 @@ class Film:
 
 
 def film_of(bag: Bag) -> Film | None:
-    """The film of a bag that kept its lateral frames, else None. Raises InputError for a calibration that is none."""
+    """The film of a bag with lateral frames, else None. Raises InputError if the attached calibration is invalid."""
     if "cameras.yaml" not in bag.attachments or not any(name in bag.topics for name in KEPT):
         return None
     try:
@@ -83,7 +83,7 @@ def film_of(bag: Bag) -> Film | None:
 
 
 def _reader(bag: Bag) -> Callable[[int], Pixels]:
-    """How to get frame i in grey."""
+    """A function that returns frame i in grey."""
     if topics.LATERAL_JPEG.name in bag.topics:
         kept = sorted(bag.messages([topics.LATERAL_JPEG.name]), key=lambda message: message.log_time_ns)
         return lambda i: frames.grey_of_jpeg(kept[i].decode().data)

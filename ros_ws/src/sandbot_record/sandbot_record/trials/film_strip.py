@@ -1,4 +1,4 @@
-"""A strip of tracked video out of a bag: a few of its lateral frames with the tracked marks drawn on them."""
+"""A film strip from a bag: a few of its lateral frames with the tracked markers drawn on them."""
 
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,10 @@ Strip = list[tuple[bytes, str]]
 
 
 def film_strip(data: Path, count: int = 4) -> Strip:
-    """``count`` frames over one steady step of the first bag in ``data`` that kept its lateral frames; else none."""
+    """``count`` frames of one steady step in the first bag of ``data`` with lateral frames; empty if there is none."""
     bags = bags_in(data) if data.is_dir() else []
     for path in bags:
-        # metadata.yaml tells without reading the bag whether frames were kept.
+        # metadata.yaml tells whether there are frames, without reading the bag.
         info = metadata.read(path) if path.is_dir() else None
         kept = info is not None and any(topic.name in KEPT and topic.count for topic in info.topics)
         if kept and (film := film_of(Bag.open(path))) is not None:
@@ -35,7 +35,7 @@ def _strip(film: Film, name: str, count: int) -> Strip:
 
 
 def _moments(axle: Any, zero_ns: int, count: int) -> NDArray[np.float64]:
-    """Instants through one rise and fall of the axle, about the highest one after the first second."""
+    """Times [ns] over one rise and fall of the axle, around its highest point after the first 0.4 s."""
     stamps, height = axle.stamp_ns, np.nan_to_num(axle["point.z"])
     steady = stamps > zero_ns + 400_000_000
     if not steady.any():

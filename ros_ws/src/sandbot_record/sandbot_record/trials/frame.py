@@ -1,9 +1,9 @@
-"""The trials table from a pandas DataFrame; pandas is needed only by who has one."""
+"""The trials table from a pandas DataFrame, without importing pandas."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from sandbot_record.trials.copies import counted_once
+from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.csv_table import rows_of, unread
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.table import Trials, from_rows
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 
 def is_frame(data: object) -> bool:
-    """Whether something is a pandas DataFrame, without importing pandas."""
+    """Whether ``data`` is a pandas DataFrame."""
     return type(data).__module__.split(".")[0] == "pandas" and hasattr(data, "columns")
 
 
 def from_frame(frame: "DataFrame") -> Trials:
     """The table of a DataFrame with the columns of a trials CSV; NaN and None are "not measured".
 
-    Every check of a CSV applies; row numbers in messages are those of the rows below the header, from 2 on, as if the
-    frame were written out. Raises InputError.
+    All checks of a CSV apply; row numbers in messages start at 2, as if the frame were written below a header. Raises
+    InputError.
     """
     header = [str(name) for name in frame.columns]
     lines = (
@@ -29,7 +29,7 @@ def from_frame(frame: "DataFrame") -> Trials:
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
     rows, _ = in_order([rows_of(header, lines, "data")])
-    rows, copied = counted_once(rows)
+    rows, copied = mark_copies(rows)
     return replace(from_rows(rows), unread=(*unread(header), *copied))
 
 
@@ -38,6 +38,6 @@ def _text(value: Any) -> str:
 
 
 def _is_missing(value: Any) -> bool:
-    """Whether a value is not itself: NaN, NaT; pandas.NA answers that question with itself."""
+    """Whether a value is NaN or NaT, which are not equal to themselves, or pandas.NA, whose comparisons are NA."""
     unlike = value != value
     return unlike is value or bool(unlike)

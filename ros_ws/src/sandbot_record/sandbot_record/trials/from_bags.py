@@ -1,6 +1,6 @@
-"""Bags to the trials table: one bag to one row; a campaign in parallel, with what was skipped and why.
+"""The trials table from bags, one row per bag; campaigns are read in parallel, and skipped bags listed with reasons.
 
-The rows of a campaign are kept beside its trials (``cache``), so only new or changed bags are read again.
+The rows of a campaign are cached next to its trials (``cache``), so that only new or changed bags are read again.
 """
 
 import math
@@ -30,14 +30,15 @@ from sandbot_tracking.trial import TrialSummary, summarise
 TRIALS_CSV = "trials.csv"
 _POINT = ("point.x", "point.y", "point.z")
 _PARALLEL_FROM = 8
-"""Bags from which starting worker processes pays."""
-_KEPT_EACH = 1000
-"""Bags after which what they gave is kept: a table of very many that is interrupted goes on from there."""
+"""Number of bags from which starting worker processes pays."""
+_CACHE_EVERY = 1000
+"""Bags after which the cache is written, so that an interrupted table of very many bags resumes from there."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """The table of a campaign and which trial's bag is which; why a bag gave no row; whether a person has edited it."""
+    """The table of a campaign, the bag of each trial, the reason for each skipped bag, how many rows came from the
+    cache, and whether the table was edited manually."""
 
     trials: Trials
     bags: Mapping[str, Path]
@@ -47,21 +48,21 @@ class Report:
 
 
 def row_from_bag(path: Path) -> Row:
-    """The row of one trial's bag, see `trial_from_bag`."""
+    """The row of one trial's bag; see `trial_from_bag`."""
     return _measured(path)[0]
 
 
 def trial_from_bag(path: Path) -> Trials:
-    """The table of one trial. Raises InputError if the bag is unreadable, unfinished or says nothing of a trial.
+    """The table of one trial. Raises InputError if the bag is unreadable, unfinished or names no trial.
 
-    What could not be measured is NaN, and status says why.
+    What could not be measured is NaN, and status gives the reason.
     """
     row, setting = _measured(path)
     return from_rows([row], *setting.for_table)
 
 
 def _measured(path: Path) -> Measured:
-    """As `trial_from_bag`; what a message of the bag says wrong is told of the bag."""
+    """As `trial_from_bag`; errors about a message of the bag name the bag."""
     try:
         return _read(path)
     except InputError as error:
@@ -106,7 +107,8 @@ def _read(path: Path) -> Measured:
 
 
 def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
-    """Where /trial gives it beside the robot, the two must agree: bags of earlier versions give it there alone."""
+    """The legs' mount angle [rad] from /trial, else from the robot; if both give it, they must agree. Bags of earlier
+    versions have it in /trial alone."""
     if "leg_mount_rad" not in plan:
         return robot.leg_mount_rad if robot else 0.0
     mount = leg_mount_rad(plan, topics.TRIAL.name)
@@ -120,19 +122,19 @@ def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
 def campaign(folder: Path, crew: Crew | None = None) -> Report:
     """The table of a campaign folder, or of any folder of bags.
 
-    Bags are read (by a ``crew``, by default one process a CPU); a folder that holds only trials.csv gives that. There a
-    trial may be given another status: what was edited counts for all bags that are as they were when it was written.
-    Raises InputError where no bag gives a row.
+    Bags are read by a ``crew`` (by default one process per CPU); a folder with only trials.csv gives that table. A
+    trial's status may be edited in trials.csv: edits apply to all bags that are unchanged since it was written. Raises
+    InputError if no bag gives a row.
     """
-    report = look_at(folder, crew)
+    report = report_of(folder, crew)
     if not len(report.trials):
         first = next(iter(report.skipped.values()))
         raise InputError(f"{folder}: none of {len(report.skipped)} bags gives a row; the first: {first}")
     return report
 
 
-def look_at(folder: Path, crew: Crew | None = None) -> Report:
-    """As `campaign`, of a folder in which every bag is damaged, too."""
+def report_of(folder: Path, crew: Crew | None = None) -> Report:
+    """As `campaign`, but without an error if no bag gives a row."""
     bags = bags_in(folder)
     if not bags:
         if (folder / TRIALS_CSV).is_file():
@@ -153,9 +155,9 @@ def look_at(folder: Path, crew: Crew | None = None) -> Report:
     keys = {bag: cache.key(bag) for bag in bags}
     todo = [bag for bag in bags if keys[bag] not in cache.measured]
     failed: dict[Path, str] = {}
-    for first in range(0, len(todo), _KEPT_EACH):
-        some = todo[first : first + _KEPT_EACH]
-        for bag, result in zip(some, _rows(some, crew), strict=True):
+    for first in range(0, len(todo), _CACHE_EVERY):
+        part = todo[first : first + _CACHE_EVERY]
+        for bag, result in zip(part, _measure_all(part, crew), strict=True):
             if isinstance(result, str):
                 failed[bag] = result
             else:
@@ -165,19 +167,19 @@ def look_at(folder: Path, crew: Crew | None = None) -> Report:
         cache.write(keys)
     measured = {bag: found for bag in bags if (found := cache.get(keys[bag], bag)) is not None}
     by_id = _by_id({bag: row for bag, (row, _) in measured.items()})
-    # A table that nobody has edited says what an earlier version, perhaps, read from the bags.
+    # A table without edits is ignored: an earlier version may have measured it from the bags.
     by_hand = {row.trial_id: row for row in own.rows()} if own and edited else {}
     rows = [by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()]
-    setting = shared([recorded, *(one for _, one in measured.values())])
-    unread = (*(own.unread if own else ()), *_otherwise(rows, [row for row, _ in measured.values()]))
+    setting = shared([recorded, *(own_setting for _, own_setting in measured.values())])
+    unread = (*(own.unread if own else ()), *_edits(rows, [row for row, _ in measured.values()]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
     return Report(table, by_id, failed, len(bags) - len(todo), edited)
 
 
 def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Report:
-    """Write the trials table of a campaign folder to ``out``, by default its trials.csv; see `nothing_lost`."""
+    """Write the trials table of a campaign folder to ``out``, by default its trials.csv; see `check_no_column_lost`."""
     path = out or folder / TRIALS_CSV
-    nothing_lost(path)
+    check_no_column_lost(path)
     report = campaign(folder, crew)
     with files.writing(path):
         write_csv(report.trials, path)
@@ -190,8 +192,8 @@ def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Rep
     return report
 
 
-def nothing_lost(out: Path) -> Path:
-    """``out``, unless it is a table with columns that writing it anew would delete: InputError."""
+def check_no_column_lost(out: Path) -> Path:
+    """``out``. Raises InputError if it is a table with columns that overwriting would delete."""
     if out.is_file() and (columns := foreign(files.read_csv(out)[0])):
         raise InputError(
             f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
@@ -201,32 +203,32 @@ def nothing_lost(out: Path) -> Path:
 
 
 def bags_in(folder: Path) -> list[Path]:
-    """The bags of a campaign (``trials/*``) or of any folder (``*``), by name; none if it does not exist."""
+    """The bags of a campaign (``trials/*``) or of any folder (``*``), by name; empty if it does not exist."""
     trials = folder / "trials"
     inside = trials if trials.is_dir() else folder
     if not inside.is_dir():
         return []
-    # Files in a folder that are no one bag are told when they are read, not passed over.
+    # A folder with storage files of several bags is included: reading it raises an error.
     return sorted(path for path in inside.glob("[!.]*") if reader.is_bag(path) or reader.storage_files(path))
 
 
 def _tabled(folder: Path, bags: Sequence[Path], cache: Cache) -> set[Path]:
-    """The bags that are as they were when trials.csv was written; those older than it where nothing else tells."""
-    if cache.tabled:  # a clock may have been set since
+    """The bags unchanged since trials.csv was written; without a cache, those older than trials.csv."""
+    if cache.tabled:  # preferred, as the clock may have been set since
         return {bag for bag in bags if cache.key(bag) in cache.tabled}
     written_ns = (folder / TRIALS_CSV).stat().st_mtime_ns
     return {bag for bag in bags if all(file.stat().st_mtime_ns <= written_ns for file in files_of(bag))}
 
 
-def _otherwise(rows: Sequence[Row], measured: Sequence[Row]) -> list[str]:
-    """A clause for rows that are not those of their bags; as text, for what was not measured is not itself."""
+def _edits(rows: Sequence[Row], measured: Sequence[Row]) -> list[str]:
+    """A note on rows that differ from their bags; compared as text, because NaN is not equal to itself."""
     ids = [row.trial_id for row, own in zip(rows, measured, strict=True) if repr(row) != repr(own)]
     some = ", ".join(ids[:3]) + (" …" if len(ids) > 3 else "")
-    return [f"{TRIALS_CSV} says otherwise than the bags of {some}, and counts"] if ids else []
+    return [f"{TRIALS_CSV} differs from the bags of {some}, and is used"] if ids else []
 
 
-def _rows(bags: Sequence[Path], crew: Crew | None) -> list[Measured | str]:
-    """A row or the reason why there is none, for each bag."""
+def _measure_all(bags: Sequence[Path], crew: Crew | None) -> list[Measured | str]:
+    """For each bag its row and setting, or the reason why there is none."""
     if len(bags) < _PARALLEL_FROM:
         return [_row_or_reason(bag) for bag in bags]
     with (crew or one_a_cpu()).map() as spread:
@@ -241,20 +243,20 @@ def _row_or_reason(bag: Path) -> Measured | str:
 
 
 def _started(bag: Bag, plan: dict[str, Any]) -> str:
-    """When the trial was run; a simulated one happened at no time of the day."""
+    """When the trial was run; empty for a simulated one."""
     simulated = bag.provenance.get("trial", {}).get("clock") == "simulated"
     return "" if simulated else str(plan.get("start") or "")
 
 
 def _exit_status(bag: Bag) -> str:
-    """How the trial ended; a bag that recovery could not bring back whole is for a person to judge."""
+    """How the trial ended; a bag that was recovered only in part is excluded until a person has judged it."""
     if bag.provenance.get("recovery", {}).get("lost", "nothing") != "nothing":
         return "recovered, parts are lost"
     return bag.provenance.get("trial", {}).get("exit_status", OK)
 
 
 def plan_of(bag: Bag) -> dict[str, Any]:
-    """What /trial says was run; else what the provenance record says. Raises InputError if neither says anything."""
+    """The trial's parameters from /trial, else from the provenance record. Raises InputError if there is neither."""
     texts = [message.decode().data for message in bag.messages([topics.TRIAL.name])]
     texts += [bag.provenance.get("trial", {}).get("parameters", "")]
     if not texts[0]:
@@ -266,7 +268,7 @@ def plan_of(bag: Bag) -> dict[str, Any]:
 
 
 def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
-    """What was measured, and how many frames a second it was measured in (NaN below two)."""
+    """The measured summary, and the frame rate [Hz] (NaN for fewer than two frames)."""
     zero_ns = start_ns(bag)
     com, front, rear = _landmarks(bag)
     frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
@@ -274,9 +276,9 @@ def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
     leg_ns, first = np.unique(legs.stamp_ns, return_index=True)
     summary = summarise(
         (frames - zero_ns) * 1e-9,
-        _on(frames, *com, 0),
-        _on(frames, *front, 2),
-        _on(frames, *rear, 2),
+        _aligned(frames, *com, 0),
+        _aligned(frames, *front, 2),
+        _aligned(frames, *rear, 2),
         (leg_ns - zero_ns) * 1e-9,
         legs["position"][first],
         robot=robot,
@@ -293,15 +295,15 @@ def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
     return found
 
 
-def _on(frames: Any, stamps: Any, xyz: Floats, axis: int) -> Floats:
-    """One coordinate on the common frames, NaN where this landmark has none."""
+def _aligned(frames: Any, stamps: Any, xyz: Floats, axis: int) -> Floats:
+    """One coordinate of a landmark at the common frame times, NaN where the landmark was not seen."""
     values = np.full(len(frames), np.nan)
     values[np.searchsorted(frames, stamps)] = xyz[:, axis]
     return values
 
 
 def start_ns(bag: Bag) -> int:
-    """The LED's edge: when the legs started. Raises InputError if there is none."""
+    """Time of the LED's edge [ns], when the legs started. Raises InputError if there is none."""
     if topics.SYNC_LED.name not in bag.topics or not bag.topics[topics.SYNC_LED.name].count:
         raise InputError(f"no {topics.SYNC_LED.name} edge, so the start is not known")
     led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
@@ -350,6 +352,6 @@ def _by_id(rows: Mapping[Path, Row]) -> dict[str, Path]:
     bags: dict[str, Path] = {}
     for bag, row in rows.items():
         if row.trial_id in bags:
-            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {bags[row.trial_id].name} too")
+            raise InputError(f"{bag}: trial id {row.trial_id!r} is also that of {bags[row.trial_id].name}")
         bags[row.trial_id] = bag
     return bags

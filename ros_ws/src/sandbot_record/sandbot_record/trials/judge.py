@@ -1,6 +1,6 @@
-"""Whether a trial's bag shows a trial: commands kept, robot and cameras there from start to end, the bed as prepared.
+"""Checks a trial's bag: commands as planned, robot and cameras present from start to end, the bed as prepared.
 
-What is judged is what was recorded, live or in batch, here or elsewhere; a topic the bag does not have is not judged.
+Only the recorded data are judged, whether live or in batch, here or elsewhere; topics missing from the bag are not.
 """
 
 import math
@@ -16,36 +16,39 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recording import PAUSED, PAUSED_TO_THE_END
 
 CLOCK_GAP = 10
-"""Periods that set-points may be apart: beyond, our clock lets the legs lag, and they meet the ground elsewhere."""
-LOST = 0.05
-"""Part of the set-points that may be missing: the clock keeps the phase, but the legs turn less evenly. So of anything
-else that a row is made of, where the recorder counted what it did not get."""
-OFF_RAD = 0.05
-"""So far a leg may be told to be off where it was told to be a whole number of turns before."""
+"""Longest gap between set-points, in periods; beyond it the legs lag, and meet the ground at another place."""
+MAX_LOST = 0.05
+"""Largest fraction of set-points that may be missing: the clock keeps the phase, but the legs turn less evenly. The
+same for the other topics that a row is computed from, where the recorder counted its losses."""
+PHASE_TOLERANCE_RAD = 0.05
+"""Largest difference between a set-point and that of a whole number of turns earlier."""
 ROBOT_GAP_S = 0.25
-FOLLOWED = 0.5
-"""Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
+MIN_FOLLOWED = 0.5
+"""Smallest fraction of the commanded angle that the legs must turn; weak motors may fall behind, which is physics."""
 TRACKING_GAP_S = 0.15
-"""No landmark may be out of sight for longer."""
+"""Longest time for which a landmark may be out of sight."""
 PHI_DRIFT = 0.003
 """Largest change of φ between the end of the preparation and that of the trial; three times its tolerance."""
 
 _MIN_HEIGHTS = 5
-_SEEN = {topics.COM.name: "centre of mass", topics.FRONT_AXLE.name: "front axle", topics.REAR_AXLE.name: "rear axle"}
-
+_LANDMARKS = {
+    topics.COM.name: "centre of mass",
+    topics.FRONT_AXLE.name: "front axle",
+    topics.REAR_AXLE.name: "rear axle",
+}
 _OTHERS = (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SYNC_LED, topics.BED_PHI)
-_OF_A_ROW = (*_SEEN, *(topic.name for topic in _OTHERS))
+_ROW_TOPICS = (*_LANDMARKS, *(topic.name for topic in _OTHERS))
 _COUNTS = re.compile(r"written (\d+), lost (\d+), dropped (\d+)")
-"""As ``Recording.summary`` tells them."""
+"""Format of ``Recording.summary``."""
 _PAUSES = re.compile(rf"(\d+) to (\d+|{PAUSED_TO_THE_END})")
 
 Times = NDArray[np.int64]
 
 
 def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
-    """What went wrong between the start of the legs and their rest, in one phrase; an empty string if nothing did.
+    """What went wrong between the start and the stop of the legs, in one phrase; empty if nothing did.
 
-    ``omega_rad_s``: what the legs were to be told, says the plan; NaN: it does not.
+    ``omega_rad_s``: the planned ω; NaN if unknown.
     """
     moving = _moving(bag, topics.LEG_SETPOINTS.name)
     if moving is None:
@@ -56,7 +59,7 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
     return (
         _paused(bag, start_ns, end_ns)
         or _commands(bag, moving)
-        or _rhythm(bag, moving, omega_rad_s)
+        or _periodic(bag, moving, omega_rad_s)
         or _robot(bag, start_ns, end_ns)
         or _tracking(bag, start_ns, end_ns)
         or _bed(bag, start_ns, end_ns)
@@ -65,7 +68,7 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
 
 
 def _paused(bag: Bag, start_ns: int, end_ns: int) -> str:
-    """Whether the recorder was told to pause while the legs moved: their rest may be what is missing."""
+    """Whether the recorder was paused while the legs moved, or before the bag shows them at rest again."""
     pauses = _PAUSES.findall(bag.provenance.get("recording", {}).get(PAUSED, ""))
     rest_ns = _rest_ns(bag, end_ns) if pauses else math.inf
     for begun, ended in pauses:
@@ -75,19 +78,19 @@ def _paused(bag: Bag, start_ns: int, end_ns: int) -> str:
 
 
 def _rest_ns(bag: Bag, end_ns: int) -> float:
-    """When the bag first shows the legs at rest after their last motion [ns]; infinite where it does not."""
-    topic = next(one.name for one in (topics.LEG_SETPOINTS, topics.LEG_STATES) if _has(bag, one.name))
+    """When the bag first shows the legs at rest after their last motion [ns]; infinite if it does not."""
+    topic = next(topic.name for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES) if _has(bag, topic.name))
     stamps = bag.columns(topic, *FIELD_STAMP).stamp_ns
     return min(stamps[stamps > end_ns].tolist(), default=math.inf)
 
 
 def _recording(bag: Bag) -> str:
-    """What the recorder says it lost, of the topics that a row is made of."""
-    for topic in _OF_A_ROW:
-        if (told := _COUNTS.fullmatch(bag.provenance.get("recording", {}).get(topic, ""))) is None:
+    """Losses counted by the recorder on the topics that a row is computed from."""
+    for topic in _ROW_TOPICS:
+        if (counts := _COUNTS.fullmatch(bag.provenance.get("recording", {}).get(topic, ""))) is None:
             continue
-        written, *missing = map(int, told.groups())
-        if (lost := sum(missing)) > LOST * (written + lost):
+        written, *missing = map(int, counts.groups())
+        if (lost := sum(missing)) > MAX_LOST * (written + lost):
             return f"recorder: {lost} of {written + lost} messages on {topic} lost"
     return ""
 
@@ -113,13 +116,13 @@ def _commands(bag: Bag, moving: Times) -> str:
         at_s = (moving[worst] - moving[0]) * 1e-9
         return f"clock: no set-point for {steps[worst] * 1e-9:.2f} s at t = {at_s:.2f} s"
     lost = int(np.sum(np.rint(steps / np.median(steps)) - 1))
-    if lost > LOST * (len(moving) + lost):
+    if lost > MAX_LOST * (len(moving) + lost):
         return f"clock: {lost} of {len(moving) + lost} set-points missing"
     return ""
 
 
-def _rhythm(bag: Bag, moving: Times, omega_rad_s: float) -> str:
-    """Whether set-points repeat themselves with the plan's period: ω or the gait may be changed while legs walk."""
+def _periodic(bag: Bag, moving: Times, omega_rad_s: float) -> str:
+    """Whether set-points repeat with the planned period: ω or the gait may be changed while the legs walk."""
     if not (_has(bag, topics.LEG_SETPOINTS.name) and omega_rad_s > 0):
         return ""
     legs = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
@@ -132,13 +135,13 @@ def _rhythm(bag: Bag, moving: Times, omega_rad_s: float) -> str:
         return ""
     turns = np.floor(t_s / period_s)
     pattern = np.unwrap(angles[:shown], axis=0)
-    again = np.column_stack([np.interp(t_s - turns * period_s, t_s[:shown], leg) for leg in pattern.T])
-    off = np.abs((angles - again + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
-    # Between two of them a gait may bend.
-    allowed = OFF_RAD + np.abs(np.diff(pattern, axis=0)).max() / 2
-    if not (late := off > allowed).any():
+    expected = np.column_stack([np.interp(t_s - turns * period_s, t_s[:shown], leg) for leg in pattern.T])
+    error = np.abs((angles - expected + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+    # The interpolation misses kinks of the gait between two set-points.
+    allowed = PHASE_TOLERANCE_RAD + np.abs(np.diff(pattern, axis=0)).max() / 2
+    if not (wrong := error > allowed).any():
         return ""
-    return f"clock: ω or gait was changed, not {omega_rad_s:g} rad/s throughout, seen at t = {t_s[late][0]:.2f} s"
+    return f"clock: ω or gait was changed, not {omega_rad_s:g} rad/s throughout, seen at t = {t_s[wrong][0]:.2f} s"
 
 
 def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
@@ -151,13 +154,13 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
         return ""
     commanded = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
     wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (commanded, states))
-    if turned < FOLLOWED * wanted:
-        return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad told"
+    if turned < MIN_FOLLOWED * wanted:
+        return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad commanded"
     return ""
 
 
 def _turned(stamps: Times, angles: NDArray[np.float64], start_ns: int, end_ns: int) -> float:
-    """How far the legs turned [rad], mean of all."""
+    """Mean angle through which the legs turned [rad]."""
     within = (stamps >= start_ns) & (stamps <= end_ns)
     if within.sum() < 2:
         return 0.0
@@ -166,7 +169,7 @@ def _turned(stamps: Times, angles: NDArray[np.float64], start_ns: int, end_ns: i
 
 
 def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
-    for topic, name in _SEEN.items():
+    for topic, name in _LANDMARKS.items():
         if topic != topics.COM.name and not _has_lateral_camera(bag):
             continue
         if not _has(bag, topic):
@@ -175,7 +178,7 @@ def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
         seen = np.isfinite(columns["point.x"])
         stamps, x_m = columns.stamp_ns[seen], columns["point.x"][seen]
         if gap := _gap(stamps, start_ns, end_ns, TRACKING_GAP_S):
-            # Where it was tells a marker that was hidden from a robot that walked out of the picture.
+            # The last position distinguishes a hidden marker from a robot that walked out of the picture.
             before = stamps <= start_ns + round(gap.at_s * 1e9)
             where = f", last seen at x = {x_m[before][-1]:.2f} m" if before.any() else ""
             return f"tracking lost: no {name} for {gap}{where}"
@@ -183,14 +186,14 @@ def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
 
 
 def _has_lateral_camera(bag: Bag) -> bool:
-    """A track with the dorsal camera alone has no axles to see."""
+    """Whether the trackway has a lateral camera; without it the axles are not tracked."""
     if (text := bag.attachments.get("cameras.yaml")) is not None:
         return "lateral" in (shared_yaml(text.decode()) or {})
     return _has(bag, topics.LATERAL_INFO.name)
 
 
 class _Gap(NamedTuple):
-    """A time without a message, from the start of the trial on."""
+    """A time without messages; ``at_s`` is counted from the start of the trial."""
 
     length_s: float
     at_s: float
@@ -200,7 +203,7 @@ class _Gap(NamedTuple):
 
 
 def _gap(stamps: Times, start_ns: int, end_ns: int, allowed_s: float) -> _Gap | None:
-    """The longest time between stamps, start and end, if longer than allowed."""
+    """The longest gap between stamps, start and end, if longer than allowed."""
     inside = np.sort(stamps[(stamps > start_ns) & (stamps < end_ns)])
     edges = np.concatenate([[start_ns], inside, [end_ns]])
     worst = int(np.argmax(np.diff(edges)))

@@ -1,4 +1,4 @@
-"""Legs of a bag by name: whoever recorded it may have listed them in another order than the robot's own."""
+"""Legs of a bag by name, as the bag may list them in another order than the robot's own."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,10 +8,10 @@ from sandbot_record.bags.reader import Bag, Columns
 
 
 def leg_columns(bag: Bag, topic: str, order: Sequence[str], *names: str) -> Columns:
-    """Fields of joint states; those of one value a joint as ``(n, legs)`` in the order of the robot's legs.
+    """Fields of joint states; those with one value per joint as ``(n, legs)`` in the robot's leg ``order``.
 
-    Joints that are no leg are left out; messages without names have the legs in that order. Raises InputError naming
-    the leg that is not there.
+    Joints that are not legs are left out; messages without names are assumed to be in that order. Raises InputError
+    naming a leg that is missing.
     """
     columns = bag.columns(topic, *names)
     message = next(bag.messages([topic]), None)

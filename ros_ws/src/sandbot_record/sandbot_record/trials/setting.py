@@ -1,4 +1,4 @@
-"""What all trials of an analysis share: the robot, and the frame rate and accuracy of its cameras."""
+"""Settings shared by all trials of an analysis: the robot, and the frame rate and accuracy of the cameras."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -19,8 +19,7 @@ CAMERAS = "cameras.yaml"
 
 @dataclass(frozen=True)
 class Setting:
-    """``robot`` and ``accuracy`` are None and ``frame_rate_hz`` NaN where the data do not tell; ``where`` they were
-    found."""
+    """Settings found at ``where``; ``robot`` and ``accuracy`` are None, and ``frame_rate_hz`` NaN, if unknown."""
 
     where: str
     robot: Robot | None = None
@@ -29,12 +28,12 @@ class Setting:
 
     @property
     def for_table(self) -> tuple[Robot | None, float, Accuracy | None]:
-        """What ``from_rows`` takes beside the rows."""
+        """Arguments of ``from_rows`` after the rows."""
         return self.robot, self.frame_rate_hz, self.accuracy
 
 
 def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
-    """A bag's: the robot of /trial, else the attached robot.yaml; frames as often as they came. Raises InputError."""
+    """A bag's setting, with the robot of /trial, else of the attached robot.yaml. Raises InputError."""
     if "robot" in plan:
         robot = robot_from_mapping(plan["robot"], f"{bag.path}: /trial: robot")
     elif FILE in bag.attachments:
@@ -50,23 +49,23 @@ def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
 
 
 def of_campaign(folder: Path) -> Setting:
-    """What robot.yaml and cameras.yaml in a campaign's folder say. Raises InputError."""
+    """The setting in robot.yaml and cameras.yaml of a campaign folder. Raises InputError."""
     robot = read_robot(folder / FILE) if (folder / FILE).is_file() else None
     rate, accuracy = of_cameras(folder / CAMERAS) if (folder / CAMERAS).is_file() else (math.nan, None)
     return Setting(str(folder), robot, rate, accuracy)
 
 
 def of_cameras(path: Path) -> tuple[float, Accuracy | None]:
-    """Frames a second of the slowest camera in a cameras.yaml, and the accuracy it tells. Raises InputError.
+    """Frame rate [Hz] of the slowest camera in a cameras.yaml, and its accuracy section. Raises InputError.
 
-    A camera may leave out where it stands, which no table asks for.
+    Cameras need no pose here, as tables do not use it.
     """
     content = read_yaml(path)
     return _frame_rate(content, path), accuracy_of(content, str(path))
 
 
 def accuracy_of(content: object, where: str) -> Accuracy | None:
-    """What a cameras.yaml's content tells of the accuracy; None if nothing. Raises InputError."""
+    """The accuracy in a cameras.yaml's content; None if it has none. Raises InputError."""
     section = content.get(SECTION) if isinstance(content, Mapping) else None
     return None if section is None else accuracy_from_mapping(section, where)
 
@@ -75,14 +74,14 @@ def _frame_rate(content: Mapping[str, Any], cameras: Path) -> float:
     sections = {name: section for name, section in content.items() if name != SECTION}
     if not any(isinstance(section, Mapping) for section in sections.values()):
         raise InputError(f"{cameras}: no camera in it")
-    told = [given(Camera, section, f"{cameras}: {name}") for name, section in sections.items()]
-    return float(min(camera.get("frame_rate_hz", Camera.frame_rate_hz) for camera in told))
+    parsed = [given(Camera, section, f"{cameras}: {name}") for name, section in sections.items()]
+    return float(min(camera.get("frame_rate_hz", Camera.frame_rate_hz) for camera in parsed))
 
 
 def shared(settings: Iterable[Setting]) -> Setting:
-    """The setting that all agree in; the slowest frame rate, the worst accuracy.
+    """The common setting of all: their robot, the slowest frame rate and the worst accuracy.
 
-    Raises InputError naming two places with two robots.
+    Raises InputError if there are two robots, naming where each was found.
     """
     several = list(settings)
     rates = [setting.frame_rate_hz for setting in several if not math.isnan(setting.frame_rate_hz)]

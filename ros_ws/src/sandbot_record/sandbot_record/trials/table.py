@@ -1,4 +1,4 @@
-"""The trials table: one row a trial, SI units in the names; not measured is NaN."""
+"""The trials table: one row per trial, SI units in the column names; NaN: not measured."""
 
 import math
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class Row:
     peak_speed_m_s: float = math.nan
     first_step_m: float = math.nan
     batch: str = ""
-    """What the trial shares with others: a day, a preparation of the bed, a block of the plan."""
+    """The group of trials with common conditions: a day, a preparation of the bed, a block of the plan."""
     run_order: float = math.nan
     started: str = ""
     """ISO 8601."""
@@ -53,7 +53,7 @@ COLUMNS = tuple(field.name for field in fields(Row))
 class Trials:
     """The table as arrays of shape (n,): text columns hold str, all others float64 (NaN: not measured).
 
-    Every row is kept; ``usable`` is True where status is ok and the three required values are there.
+    Every row is kept; ``usable`` is True where status is ok and the three required values are finite.
     """
 
     trial_id: NDArray[Any]
@@ -72,13 +72,13 @@ class Trials:
     started: NDArray[Any]
     status: NDArray[Any]
     robot: Robot | None = None
-    """The robot of all of them; None: the data do not tell."""
+    """The robot of all trials; None: unknown."""
     frame_rate_hz: float = math.nan
-    """Frames a second of the cameras; NaN: the data do not tell."""
+    """Frame rate of the cameras; NaN: unknown."""
     accuracy: Accuracy | None = None
-    """How well they measure; None: the data do not tell."""
+    """Accuracy of the cameras; None: unknown."""
     unread: tuple[str, ...] = ()
-    """What was not taken from the files, a clause each: columns that the table has no place for, trials given twice."""
+    """Notes on what was not taken from the files, such as unknown columns and trials given twice."""
 
     def __len__(self) -> int:
         return len(self.trial_id)
@@ -92,19 +92,19 @@ class Trials:
         return f"{line}; " + ", ".join(f"{name} {low.min():.4g} to {low.max():.4g}{unit}" for name, low, unit in spans)
 
     def to_frame(self) -> "DataFrame":
-        """The table as a pandas DataFrame, one row a trial. Raises InputError where pandas is not installed."""
+        """The table as a pandas DataFrame, one row per trial. Raises InputError if pandas is not installed."""
         return data_frame({name: getattr(self, name) for name in COLUMNS}, "rows()")
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Rows analysis may use."""
+        """Mask of the rows that analysis may use."""
         finite = np.isfinite([getattr(self, name) for name in REQUIRED]).all(axis=0)
         good: NDArray[np.bool_] = finite & (self.status == OK)
         return good
 
     @property
     def excluded(self) -> int:
-        """Rows analysis may not use."""
+        """Number of rows that analysis may not use."""
         return int((~self.usable).sum())
 
     def rows(self) -> list[Row]:
@@ -113,7 +113,7 @@ class Trials:
         return [Row(*values) for values in zip(*columns, strict=True)]
 
     def select(self, which: NDArray[Any]) -> "Trials":
-        """The rows a mask or index array picks."""
+        """The rows selected by a mask or index array."""
         return replace(self, **{name: getattr(self, name)[which] for name in COLUMNS})
 
 
@@ -123,7 +123,7 @@ def from_rows(
     frame_rate_hz: float = math.nan,
     accuracy: Accuracy | None = None,
 ) -> Trials:
-    """The table of some rows, and what they share."""
+    """A table of rows, with what they share."""
     columns: dict[str, Any] = {
         name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in TEXTS else np.float64)
         for name in COLUMNS
@@ -132,16 +132,16 @@ def from_rows(
 
 
 def check_usable(trials: Trials, where: str) -> None:
-    """Refuse a table without a usable trial; ``where`` opens the line. Raises InputError."""
+    """Raise InputError, beginning with ``where``, if no trial of the table is usable."""
     if trials.usable.any():
         return
-    told = zip(trials.trial_id, trials.status.tolist(), strict=True)
-    why = next((f"{one} has status {status!r}" for one, status in told if status != OK), "none has φ, ω and a speed")
+    pairs = zip(trials.trial_id, trials.status.tolist(), strict=True)
+    why = next((f"{name} has status {status!r}" for name, status in pairs if status != OK), "none has φ, ω and a speed")
     raise InputError(f"{where}: no usable trial among {len(trials)}: {why if len(trials) else 'the table is empty'}")
 
 
 def check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:
-    """Refuse two rows of one id; ``where`` says of each row where it stands. Raises InputError."""
+    """Raise InputError if two rows have the same id; ``where`` gives the location of each row."""
     seen: set[str] = set()
     for row, place in zip(rows, where, strict=True):
         if row.trial_id in seen:

@@ -27,9 +27,8 @@ Floats = NDArray[np.float64]
 
 DICTIONARIES = ("4X4_50", "4X4_250", "5X5_100", "6X6_250", "APRILTAG_36h11")
 USUAL_SIZE = (640, 480)
-OF_BOARD = {"pattern": (9, 6), "square": 0.02}
-OF_MARKERS = {"dictionary": "4X4_50", "marker": 0.75}
-"""What a board is like where the options do not say."""
+BOARD_DEFAULTS = {"pattern": (9, 6), "square": 0.02}
+CHARUCO_DEFAULTS = {"dictionary": "4X4_50", "marker": 0.75}
 COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
 
 
@@ -62,26 +61,26 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
     parser.add_argument(
         "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"),
-        help="of its frames [px] (default: that of what gives the lens, else 640 480)",
+        help="of its frames [px] (default: that of the source of the lens, else 640 480)",
     )  # fmt: skip
-    parser.add_argument("--rate", type=float, help="its frames per second (default: not said, a film goes by its own)")
+    parser.add_argument("--rate", type=float, help="its frames per second (default: none, a film's own rate is used)")
     parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
     parser.add_argument("--chessboard", metavar="PATH", help="video or folder of images of a chessboard, for the lens")
-    parser.add_argument("--charuco", metavar="PATH", help="the same of a ChArUco board, which may be partly in view")
+    parser.add_argument("--charuco", metavar="PATH", help="the same for a ChArUco board, which may be partly in view")
     parser.add_argument("--pattern", type=int, nargs=2, help="inner corners of the board (default: 9 6)")
     parser.add_argument("--square", type=float, help="side of its squares [m] (default: 0.02)")
     parser.add_argument("--dictionary", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)")
-    parser.add_argument("--marker", type=float, help="their side, in parts of the squares' (default: 0.75)")
-    parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
+    parser.add_argument("--marker", type=float, help="their side as a fraction of the squares' (default: 0.75)")
+    parser.add_argument("--intrinsics", type=Path, help="cameras.yaml with the lens of that camera, which is kept")
     parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
     if len(ways) > 1:
         raise InputError(f"{' and '.join(ways)} both give the lens: choose one")
-    _describe(given, OF_BOARD, ("chessboard", "charuco"))
-    _describe(given, OF_MARKERS, ("charuco",))
+    _set_defaults(given, BOARD_DEFAULTS, ("chessboard", "charuco"))
+    _set_defaults(given, CHARUCO_DEFAULTS, ("charuco",))
     _check(given)
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_tracking.lens import entry, place, reprojection_px
 
     content = _entries(given.out)
@@ -101,13 +100,13 @@ def command(argv: Sequence[str]) -> int:
 
 
 def _changed(text: str) -> Path:
-    """An output that is read first, and so may be the file of --intrinsics, too."""
+    """An output that is also read, and so, unlike a plain ``cli.output``, may be the file of --intrinsics."""
     return cli.output(text)
 
 
-def _describe(given: Any, usual: dict[str, Any], boards: tuple[str, ...]) -> None:
-    """What is not said of a board is ``usual``. Raises InputError where there is no such board to say it of."""
-    for name, value in usual.items():
+def _set_defaults(given: Any, defaults: dict[str, Any], boards: tuple[str, ...]) -> None:
+    """Fill in options that were not given. Raises InputError if one was given without any of the ``boards``."""
+    for name, value in defaults.items():
         if getattr(given, name) is None:
             setattr(given, name, value)
         elif not any(getattr(given, board) for board in boards):
@@ -129,7 +128,7 @@ def _check(given: Any) -> None:
 
 
 def _entries(path: Path) -> dict[str, Any]:
-    """The cameras already in the file to change."""
+    """The cameras already in the output file."""
     content = dict(read_yaml(path)) if path.exists() else {}
     for name, values in content.items():
         if not isinstance(values, dict):
@@ -138,7 +137,7 @@ def _entries(path: Path) -> dict[str, Any]:
 
 
 def _size(given: Any) -> tuple[int, int]:
-    """Width and height of the frames [px], which must be those of what gives the lens: it holds at no other size."""
+    """Width and height of the frames [px], which must be those of the source of the lens, as it depends on them."""
     source, seen = _seen_size(given)
     size = tuple(given.size or seen or USUAL_SIZE)
     if seen not in (None, size):
@@ -150,7 +149,7 @@ def _size(given: Any) -> tuple[int, int]:
 
 
 def _seen_size(given: Any) -> tuple[str, tuple[int, int] | None]:
-    """What gives the lens, and its size [px]; None where that is the table alone, or a folder without a picture."""
+    """The source of the lens and its frame size [px]; None for the table alone or a folder without pictures."""
     from sandbot_tracking.lens import picture_size
 
     if given.intrinsics is not None:
@@ -183,6 +182,6 @@ def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    # FFmpeg writes its own line about a bad file; read once, when the first video is opened.
+    # Suppresses FFmpeg's own message about a bad file; read once, when the first video is opened.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     return cli.run(command, argv)

@@ -32,7 +32,7 @@ def command(argv: Sequence[str]) -> int:
     if given.start is not None and not math.isfinite(given.start):
         raise InputError(f"--start {given.start} is not a time in s")
     out = given.out or check_output(given.dorsal.with_suffix(".csv"))
-    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_tracking.videos import track
 
     found = track(
@@ -50,7 +50,7 @@ def command(argv: Sequence[str]) -> int:
 
 
 def write(path: Path, found: "Track") -> None:
-    """The CSV, whole or not at all; empty cells where a marker is missing."""
+    """Write the CSV atomically; cells are empty where a marker is missing."""
     columns = found.columns()
     with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
@@ -61,6 +61,6 @@ def write(path: Path, found: "Track") -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    # FFmpeg writes its own line about a bad file; read once, when the first video is opened.
+    # Suppresses FFmpeg's own message about a bad file; read once, when the first video is opened.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     return cli.run(command, argv)
