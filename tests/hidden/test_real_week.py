@@ -41,7 +41,7 @@ def test_what_follows_the_offsets_of_conditions_is_no_effect():
     """depth_nonlinearity beside a bed that scatters by 0.7 % gains, but no more than a bed as rough as it is."""
     one = found(1008, "condition", order="randomised", k_batch_sd=0.01)
     assert one.verdict.status == "adequate"
-    assert "granted k that scatters by 1.01% from batch to batch" in one.verdict.because
+    assert "allowing for k that scatters by 1.01% from batch to batch" in one.verdict.because
 
 
 @pytest.mark.whole
@@ -104,7 +104,7 @@ def test_a_world_outside_the_catalogue_is_no_effect_beside_what_a_week_does(batc
     assert one.verdict.status == "unexplained"
     # And the formula to try acts where what is hidden does: without the week beside it any repairs something.
     assert "residual: speed: kept, peak_ratio *= 1 + c0*" in one.residual.formula
-    assert ", granted batches that differ as the priors say" in one.residual.sentence
+    assert ", allowing for batches that differ as the priors say" in one.residual.sentence
     assert one.residual.leaves_nothing
 
 
@@ -176,7 +176,7 @@ def test_cells_that_offsets_turn_into_walkers_make_no_bed_rougher():
     """Without offsets they swim, and miss by thirty times as much: a bed that takes that in as well is none."""
     one = found(1007, "condition", DISTURBED, order="as_listed", k_batch_sd=0.01)
     assert one.headline == "identified: disturbed_ground"
-    assert "granted k that scatters by 1.01% from batch to batch (prior" in one.verdict.because
+    assert "allowing for k that scatters by 1.01% from batch to batch (prior" in one.verdict.because
 
 
 @pytest.mark.parametrize(

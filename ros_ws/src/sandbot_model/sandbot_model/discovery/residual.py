@@ -171,7 +171,7 @@ def _allowances(found: Fit) -> str:
     """The nuisances of the fit, as the end of a sentence."""
     differ = found.nuisances is not None and batch_sd_of(found)
     words = [*(["batches that differ as the priors say"] if differ else []), *significant(found)]
-    return f", granted {' and '.join(words)}" if words else ""
+    return f", allowing for {' and '.join(words)}" if words else ""
 
 
 def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criteria: Criteria) -> SuggestedFormula:

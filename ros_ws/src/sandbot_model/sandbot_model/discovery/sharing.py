@@ -188,7 +188,7 @@ def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shar
 def _confirmed(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
     """The first verdict, with the calibration errors that the refitted set shows."""
     off = significant(named)
-    because = f"{plain.because}, beside {' and '.join(off)}" if off else plain.because
+    because = f"{plain.because}, with {' and '.join(off)}" if off else plain.because
     return Shared(replace(plain, because=because), search.fits, named)
 
 
@@ -393,7 +393,7 @@ def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, batch_sd: BatchS
     words = _batch_terms_in_words(fit, batch_sd, criteria) + significant(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
-    because = f"{verdict.because}, granted {taken}"
+    because = f"{verdict.because}, allowing for {taken}"
     if plain.status != verdict.status or plain.effects != verdict.effects:
         because = f"{because}; without that the verdict would be {named}"
     return replace(verdict, because=because)

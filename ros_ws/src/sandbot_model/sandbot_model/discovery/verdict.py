@@ -277,16 +277,16 @@ def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
     gain = _deviance_terms(fits[part]) - _deviance_terms(fit)
     threshold = claim_threshold(fit, criteria)
-    beside = f" beside {_name(part)}" if part else ""
+    over = f" on top of {_name(part)}" if part else ""
     if gain.sum() <= threshold:
-        return f"gains {gain.sum():.0f}{beside}, less than the {threshold:.0f} that an effect must"
+        return f"gains {gain.sum():.0f}{over}, less than the {threshold:.0f} that an effect must"
     cell = int(np.argmax(gain))
     where = (
         f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"
         if cell < len(fit.cells.phi)
         else "one level"
     )
-    return f"{gain.max() / gain.sum():.0%} of what it gains{beside} is at {where}: run that again"
+    return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
 
 
 _NONE_TRIED = "no effect was tried (--max-effects 0)"
