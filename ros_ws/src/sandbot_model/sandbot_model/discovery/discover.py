@@ -19,7 +19,6 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.alone import refused_from_one_observable
 from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates
 from sandbot_model.discovery.conventions import (
@@ -37,6 +36,7 @@ from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
+from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, implausible_k
 from sandbot_model.discovery.residual import SuggestedFormula

@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from sandbot_model.physics import machine
+from sandbot_model.physics.averaging import REACHED
 
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -321,7 +322,7 @@ def _track_average(table, k_grid, sigma, nodes, weights):
                 value = (1 - share) * table[i, upper - 1] + share * table[i, upper]
                 if i != 2:
                     found[i, at] += weights[node] * value
-                elif abs(nodes[node]) < 2:
+                elif abs(nodes[node]) < REACHED:
                     found[i, at] = max(found[i, at], value)
     return found
 
