@@ -289,7 +289,7 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         if not _right(one)
     )
     lines += ["", report(results), "Coverage, all rows together, within 1σ/2σ:", "", _together(results)]
-    return "\n".join([*lines, "", f"Not as they should be: {wrong or 'none'}."])
+    return "\n".join([*lines, "", f"Not right: {wrong or 'none'}."])
 
 
 def covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
