@@ -137,8 +137,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
             f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials in SGCS, in random order, {seeds} "
             "seed(s); nuisances as in nuisance.md. In li09_world.yaml nothing or one of "
             f"{', '.join(name for name in EXTRA if EXTRA[name])} in turn is hidden, and searched for from the model "
-            "li09; or nothing is added, and the search begins with the simple model, which has none of the paper's three "
-            "effects. Coverage of right verdicts only.",
+            "li09; or nothing is added, and the search begins with the simple model, which has none of the paper's "
+            "three effects. Coverage of right verdicts only.",
             "",
             report(results),
             f"Not right: {wrong or 'none'}.",

@@ -155,9 +155,9 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
         f"with a formula of forms.yaml instead of a catalogue's effect; sets of up to {MAX_EFFECTS} effects. The "
-        "authors of the first two labs and of the fourth to tenth knew only the catalogue's formulas, those of the third "
-        "also what the first two had written. Wrong verdicts of the first to sixth lab, and false claims of the seventh to "
-        "tenth, were analysed and led to conventions of their kind. "
+        "authors of the first two labs and of the fourth to tenth knew only the catalogue's formulas, those of the "
+        "third also what the first two had written. Wrong verdicts of the first to sixth lab, and false claims of the "
+        "seventh to tenth, were analysed and led to conventions of their kind. "
         "`adequate`: the base model absorbs the form's effect, so nothing can be named. `half`: the family together "
         f"with another one. `{SHOWN[NOT_TOLD]}`: the named effect is absent, but its deviance is less than {TOLD:g} "
         "above that of the form itself for the same trials. leg_slip, cable_drag and bed_slope count as one family.",
