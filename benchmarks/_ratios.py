@@ -54,7 +54,7 @@ def fallen(now: list[Ratio], before: list[Ratio]) -> list[str]:
 
 def table(ratios: list[Ratio]) -> str:
     """Markdown."""
-    lines = ["| what | beside | ratio | aim | |", "|---|---|---|---|---|"]
+    lines = ["| what | compared with | ratio | aim | |", "|---|---|---|---|---|"]
     for one in ratios:
         reached = "reached" if one.value >= one.target else "**short**"
         lines.append(f"| {one.what} | {one.peer} | {one.value:.2f} | {one.target:.2f} | {reached} |")

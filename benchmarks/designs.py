@@ -216,7 +216,7 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     false = [one["outcome"] == "false claim" for one in results if one["kind"] not in ("null", "outside")]
     return [
         *share("any design: claims where nothing is hidden", "campaigns", nothing, "≤ 2 %"),
-        *share("any design: another effect named than acts", "campaigns", false, "≤ 2 %"),
+        *share("any design: an effect named that is not hidden", "campaigns", false, "≤ 2 %"),
         *share(
             "any design: ends without a crash", "campaigns", [one["outcome"] != "crash" for one in results], "≥ 100 %"
         ),

@@ -236,10 +236,10 @@ def report(scores: Sequence[Score]) -> str:
 
 def _naming(by: Mapping[str, Sequence[Score]], scores: Sequence[Score]) -> list[str]:
     lines = [
-        "## Who names the effect",
+        "## Which method names the effect",
         "",
-        "| method | separable: truth first | with more beside it | truth among named | sets named (median) "
-        "| pairs: truth first | null: false claim | outside the catalogue: claims an effect all the same | CPU s |",
+        "| method | separable: truth first | truth with further effects | truth among named | sets named (median) "
+        "| pairs: truth first | null: false claim | outside the catalogue: claims an effect | CPU s |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name in METHODS:
@@ -271,11 +271,11 @@ def _prediction(by: Mapping[str, Sequence[Score]]) -> list[str]:
         errors[name] = {head: _median(values) for head, values in (cells | column).items()}
     heads = list(errors["discover"])
     lines = [
-        "## Who predicts what it has not seen",
+        "## Which method predicts unseen conditions",
         "",
         f"RMS error of mean speed over held-out trials, median over worlds. {HELD_OUT} cells, one held out at a time, "
-        f"over the noise floor (1: as good as replicates agree; missed: the cell's mean is off by more than {FAR:g} "
-        f"floors); and the whole ω = {max(OMEGA):g} rad/s column held out, in cm/s.",
+        "relative to the noise floor (1: as accurate as replicates; missed: the cell's mean is wrong by more than "
+        f"{FAR:g} floors); and the whole ω = {max(OMEGA):g} rad/s column held out, in cm/s.",
         "",
         f"| method | {' | '.join(heads)} | cells missed |",
         "|---" * (len(heads) + 2) + "|",
@@ -296,7 +296,7 @@ def _better(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
         if ahead:
             names = ", ".join(f"{name} ({_number(value)})" for value, name in sorted(ahead))
             lines.append(f"* {head}: {WITH_FORMULA} {_number(mine)}; better: {names}")
-    said = f"Better than {WITH_FORMULA} by more than {100 * BETTER:.0f} %" + (":" if lines else ": nobody, nowhere.")
+    said = f"Better than {WITH_FORMULA} by more than {100 * BETTER:.0f} %" + (":" if lines else ": nobody.")
     return [said, *([""] if lines else []), *lines]
 
 
@@ -345,31 +345,32 @@ def _number(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "–"
 
 
-GIVEN = f"""## What each was given
+GIVEN = f"""## What each method was given
 
-All: the trials table (φ, ω and the four observables of every trial), the project's model as a function, and no truth.
-*Named* is every set of effects a method gives as explanation, the best first; naming nothing is an answer too.
-Held-out cells: what was chosen from all trials is refitted without the cell. Held-out column: chosen without it, too.
-* discover: as shipped, sets of up to {MAX_EFFECTS} effects. It names the alternatives of `identified` and `ambiguous`,
-  nothing when `adequate` or `unexplained`; it predicts with the set it ends with, also where it says that this is not
-  the truth. Where it says so it offers a formula for what is left; the second row adds that as `compare --effect` does
-  (the search is that of the first row and is not counted again).
-* lmfit + AIC: the whole catalogue as candidate models, `least_squares` on single trials with one k a φ level and all
-  parameters bounded, starts from a grid (Δt × effect weak, middling, strong × k level by level) and from the smaller
-  model's optimum; all observables are scaled by their usual noise. An effect, and then a second, is named where AIC
-  falls by more than 10; alternatives are the sets within 2 of the best. Replicates are not used: it has no way to say
-  that nothing fits.
-* PySINDy: FROLS with up to 8 terms, STLSQ and SR3 at 8 sparsities each, BIC chooses (Mangan et al. 2017; AIC keeps more
-  terms). The polynomial library (degree 4) regresses mean speed. The physical one regresses what the base model, at its
-  global optimum, leaves of mean speed; among its 19 terms are 10 that are an effect to first order and are counted as
-  naming it: the loss v̄ by itself stance_overlap, v̄ Fr motor_saturation, v̄ (d_r/d)² leg_slip, v̄ [s < 0.95 R]
-  disturbed_ground, ω³ (d+h-R)² belly_coast, 1/ω where it swims swimming_thrust, and through ∂v̄/∂F a constant force
-  cohesion, (Rω)² inertial_drag, Rω (1 - s/2R) exact_vertical_acceleration and Rω (φ - φ_0) phi_dependent_response. Two
-  of them together are read as a pair; named only where BIC falls by more than 10. exact_leg_arc, crater_refill,
-  carried_momentum and slow_phase_speed have no such term, so that it can't name them.
-* Gaussian process: Kennedy & O'Hagan's discrepancy on the base model at its global optimum, anisotropic RBF or
-  Matérn 3/2 with noise by marginal likelihood (scikit-learn). A discrepancy has no name: it only predicts.
-* The lone base model is fitted to mean speed by this project's fit."""
+All methods: the trials table (φ, ω and the four observables of every trial) and the project's model as a function,
+but not the truth. *Named* is every set of effects a method gives as an explanation, the best first; naming nothing is
+an answer too. Held-out cells: the model chosen from all trials is refitted without the cell. Held-out column: it is
+also chosen without it.
+* discover: as shipped, sets of up to {MAX_EFFECTS} effects. It names the alternatives of `identified` and
+  `ambiguous`, nothing when `adequate` or `unexplained`; it predicts with the last set of its ladder, even if it says
+  that this is not the truth. In that case it offers a formula for the remaining misfit; the second row adds this as
+  `compare --effect` does (its search is that of the first row, and its time is not counted again).
+* lmfit + AIC: the whole catalogue as candidate models, `least_squares` on single trials with one k per φ level and
+  all parameters bounded, starts from a grid (Δt × weak, medium or strong effect × k level by level) and from the
+  smaller model's optimum; all observables are scaled by their usual noise. An effect, and then a second, is named if
+  AIC falls by more than 10; alternatives are the sets within 2 of the best. Replicates are not used, so it can't
+  report that nothing fits.
+* PySINDy: FROLS with up to 8 terms, STLSQ and SR3 at 8 sparsities each, selected by BIC (Mangan et al. 2017; AIC
+  keeps more terms). The polynomial library (degree 4) regresses mean speed. The physical one regresses the residual
+  of mean speed of the base model at its global optimum; 10 of its 19 terms equal an effect to first order and are
+  counted as naming it: v̄ itself stance_overlap, v̄ Fr motor_saturation, v̄ (d_r/d)² leg_slip, v̄ [s < 0.95 R]
+  disturbed_ground, ω³ (d+h-R)² belly_coast, 1/ω for swimmers swimming_thrust, and through ∂v̄/∂F a constant force
+  cohesion, (Rω)² inertial_drag, Rω (1 - s/2R) exact_vertical_acceleration and Rω (φ - φ_0) phi_dependent_response.
+  Two of them together count as a pair; they are named only if BIC falls by more than 10. exact_leg_arc,
+  crater_refill, carried_momentum and slow_phase_speed have no such term and can't be named.
+* Gaussian process: Kennedy & O'Hagan's discrepancy on the base model at its global optimum, anisotropic RBF or Matérn
+  3/2 with noise by marginal likelihood (scikit-learn). A discrepancy names nothing: it only predicts.
+* base model alone: fitted to mean speed by this project's fit."""
 
 
 def sample() -> list[Figure]:
@@ -381,7 +382,7 @@ def sample() -> list[Figure]:
     right = {name: sum(_right(one) for one in some) for name, some in peers.items()}
     best = max(count for name, count in right.items() if not name.startswith("discover"))
     held = [_right(one) for one in peers[WITH_FORMULA]]
-    return share("named, or left unnamed, as it should be", f"worlds; the best peer {best}", held, "≥ 95 %")
+    return share("correctly named, or correctly not named", f"worlds; the best peer {best}", held, "≥ 95 %")
 
 
 def _right(one: Score) -> bool:

@@ -56,7 +56,7 @@ def sample() -> list[Figure]:
     worlds = {world.name: world for world in (*hidden.WORLDS, hidden.NULL)}
     kinds = {worlds[name].kind: (seed, worlds[name]) for seed, name in enumerate(NAMES, start=700)}
     found = [filmed(hidden.Case(world, seed)) for seed, world in kinds.values()]
-    return share("verdicts as they should be", "worlds through film and tracker", [one.good for one in found], "≥ 95 %")
+    return share("right verdicts", "worlds through film and tracker", [one.good for one in found], "≥ 95 %")
 
 
 def main() -> str:
@@ -68,7 +68,7 @@ def main() -> str:
         f"{len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES} replicates of each world: `campaign --batch` films and tracks "
         "every trial, `discover` gets its table and nothing else.",
         "",
-        "| world | verdict | as it should | cv error / noise floor |",
+        "| world | verdict | right | cv error / noise floor |",
         "|---|---|---|---|",
     ]
     for seed, name in enumerate(tqdm(NAMES), start=700):

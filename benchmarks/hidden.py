@@ -260,13 +260,13 @@ def report(outcomes: Sequence[Outcome]) -> str:
         "# Hidden worlds",
         "",
         f"{len(outcomes)} worlds of the virtual lab, {len(PHI)} φ × {len(OMEGA)} ω × 3 replicates, each with noise of "
-        "its own. An effect that is expected to gain less than "
-        f"{CLEAR:g} in deviance at its noise is counted as faint: it must not be taken for another, but may be missed.",
+        "its own. An effect with an expected gain in deviance below "
+        f"{CLEAR:g} at its noise counts as faint: it may be missed, but must not be mistaken for another.",
         "",
         *_summary(outcomes),
         "",
         "| kind | noise | worlds | adequate | identified: truth | identified: other | ambiguous with truth "
-        "| ambiguous without | unexplained | as it should |",
+        "| ambiguous without | unexplained | right |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for kind in dict.fromkeys(one.kind for one in outcomes):
@@ -295,10 +295,10 @@ def _asked(outcomes: Sequence[Outcome]) -> list[tuple[str, str, list[bool]]]:
     pairs = [one for one in outcomes if one.kind == "pair"]
     found = [one for one in outcomes if one.first_right]
     return [
-        ("separable worlds identified, first named is the truth", "≥ 95 %", [one.first_right for one in separable]),
+        ("separable worlds identified, with the truth named first", "≥ 95 %", [one.first_right for one in separable]),
         ("truth in the named set (separable, alike, pairs)", "≥ 99 %", [one.in_named for one in hidden]),
         ("false claims in null worlds", "≤ 2 %", [one.status != "adequate" for one in null]),
-        ("outside the catalogue, never identified", "≥ 95 %", [one.status != "identified" for one in outside]),
+        ("worlds outside the catalogue not identified", "≥ 95 %", [one.status != "identified" for one in outside]),
         ("pairs found", "≥ 90 %", [one.first_right for one in pairs]),
         (
             "out-of-sample error ≤ 1.10 × noise floor where identified",
@@ -309,7 +309,7 @@ def _asked(outcomes: Sequence[Outcome]) -> list[tuple[str, str, list[bool]]]:
 
 
 def _summary(outcomes: Sequence[Outcome]) -> list[str]:
-    lines = ["| asked | | measured |", "|---|---|---|"]
+    lines = ["| target | | measured |", "|---|---|---|"]
     for text, wanted, held in _asked(outcomes):
         share = 100 * sum(held) / len(held) if held else float("nan")
         lines.append(f"| {text} | {wanted} | {share:.1f} % ({sum(held)} of {len(held)}) |")

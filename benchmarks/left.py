@@ -98,9 +98,7 @@ def sample() -> list[Figure]:
     """Every so many of them."""
     with ProcessPoolExecutor() as pool:
         found = [one for one in pool.map(run, cases()[::EVERY]) if one.status == "unexplained"]
-    return share(
-        "repaired by the formula offered for what is left", "unexplained", [o.repaired for o in found], "≥ 50 %"
-    )
+    return share("misfit removed by the formula offered", "unexplained", [o.repaired for o in found], "≥ 50 %")
 
 
 def main() -> str:

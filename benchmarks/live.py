@@ -49,13 +49,13 @@ def main() -> str:
         points = [setpoints(one) for one in fast]
     jitter = np.concatenate([one - np.median(one) for one in points])
     drift = max(abs(np.polyfit(np.arange(len(one)) / SETPOINTS_HZ / 60, one, 1)[0]) for one in points)
-    beside = f"a bare pair {np.median(bare):.1f}, 99 % {np.percentile(bare, 99):.1f} ms"
+    beside = f"bare pair of nodes: median {np.median(bare):.1f}, 99 % {np.percentile(bare, 99):.1f} ms"
     _found[:] = [
         *late("two camera drivers", cameras, beside),
         *late("the virtual lab's cameras", speed, beside),
-        Figure("set-points sent off their instants, 99 %", f"{len(jitter)} of 1 kHz",
+        Figure("set-points: deviation from their scheduled times, 99 %", f"{len(jitter)} of 1 kHz",
                float(np.percentile(np.abs(jitter), 99)), "≤ 1 ms"),
-        Figure("set-points: drift of their lateness", f"{len(fast)} trials", float(drift), "≤ 1 ms a minute"),
+        Figure("set-points: drift of their delay", f"{len(fast)} trials", float(drift), "≤ 1 ms a minute"),
     ]  # fmt: skip
     note = (
         f"Two cameras of {RATE_HZ:g} Hz, 640×480, tracked on {os.cpu_count()} cores. Drivers are processes of their "

@@ -268,14 +268,15 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
     """The whole report, in Markdown."""
     seeds = len({one["seed"] for one in results})
     lines = [
-        "# Verdicts under what a real week in a lab does",
+        "# Verdicts under the nuisances of a real week in a lab",
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials, {seeds} seed(s) of the matrix; "
         f"`discover` with up to two effects. Hidden: nothing, or one of {', '.join(EFFECTS)} in turn. "
-        "A false claim names effects, none of whose alternatives is what is hidden. An effect can be named where it is "
-        f"expected to gain {CLEAR:g} in deviance beside what trials share, as in hidden.md. A dose is a size: "
-        "to which side readings are off, k drifts or jumps, and when it jumps, each seed draws anew. "
-        "Rows share the noise of a seed: what they cover is no independent sample, k and Δt of one seed least of all.",
+        "A false claim names effects, with the hidden one not among its alternatives. An effect counts as detectable "
+        f"if its expected gain in deviance is {CLEAR:g} with nuisances, as in hidden.md. A dose is the size of a "
+        "nuisance; the signs of reading errors, drifts and jumps, and the time of a jump, are drawn anew for each "
+        "seed. Rows share the noise of a seed, so their coverages are not independent, least of all of k and Δt of one "
+        "seed.",
         "",
     ]
     for dose in ("clean", *DOSES):
@@ -289,7 +290,7 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         if not _right(one)
     )
     lines += ["", report(results), "Coverage, all rows together, within 1σ/2σ:", "", _together(results)]
-    return "\n".join([*lines, "", f"Not as they should be: {wrong or 'none'}."])
+    return "\n".join([*lines, "", f"Not right: {wrong or 'none'}."])
 
 
 def covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:

@@ -135,12 +135,13 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
             "# The paper's world in a real week",
             "",
             f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials in SGCS, in random order, {seeds} "
-            "seed(s); weeks as in nuisance.md. Hidden in li09_world.yaml, and searched from the model li09: nothing or "
-            f"one of {', '.join(name for name in EXTRA if EXTRA[name])} in turn; and the world as it is, searched from "
-            "the simple model, which has none of the paper's three effects. Coverage: of the right verdicts.",
+            "seed(s); nuisances as in nuisance.md. In li09_world.yaml nothing or one of "
+            f"{', '.join(name for name in EXTRA if EXTRA[name])} in turn is hidden, and searched for from the model "
+            "li09; or nothing is added, and the search begins with the simple model, which has none of the paper's "
+            "three effects. Coverage of right verdicts only.",
             "",
             report(results),
-            f"Not as they should be: {wrong or 'none'}.",
+            f"Not right: {wrong or 'none'}.",
         ]
     )
 

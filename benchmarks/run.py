@@ -109,16 +109,16 @@ def readme(ratios: list[_ratios.Ratio], kept: Mapping[str, _figures.Run], names:
     lines = [
         "# Benchmarks",
         "",
-        "Written by `make bench`; `make bench-quick` measures the ratios again and fails on a loss of a fifth. Of a "
-        "ratio more is better; both sides of it were measured in one run. Of the long reports it runs a sample; "
-        "`make bench ONLY=name` writes one whole, and measures a short one again.",
+        "Written by `make bench`, which runs only a sample of each long report; `make bench ONLY=name` runs one report "
+        "completely. `make bench-quick` measures the ratios again and fails if one has fallen by a fifth. Higher "
+        "ratios are better; both sides of a ratio are measured in the same run.",
         "",
         f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}; "
-        f"{sum(one.took_s for one in kept.values()) / 60:.0f} minutes in all.",
+        f"{sum(one.took_s for one in kept.values()) / 60:.0f} minutes in total.",
         "",
         _ratios.table(ratios),
         "",
-        "![Ratios in parts of their aims](ratios.svg)",
+        "![Ratios relative to their aims](ratios.svg)",
         "",
         _figures.table([figure for name in names if name in kept for figure in kept[name].figures]),
         "",

@@ -99,7 +99,7 @@ def sample() -> list[Figure]:
     with ProcessPoolExecutor() as pool:
         results = list(pool.map(analyse, cases(1)[::3]))
     named = [one["status"] in STATUSES[3:] for one in results]
-    return share("named on a ground of another kind", "campaigns", named, "≤ 2 %")
+    return share("effects named on ground of another kind", "campaigns", named, "≤ 2 %")
 
 
 def main() -> str:

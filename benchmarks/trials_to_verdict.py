@@ -322,9 +322,12 @@ def sample() -> list[Figure]:
     right = [one["outcome"] == "right" for one in results]
     return [
         Figure(
-            "trials to a verdict, the whole grid has 147", f"median of {len(results)} campaigns", trials, "≤ 74 trials"
+            "trials to a verdict, of 147 in the whole grid",
+            f"median of {len(results)} campaigns",
+            trials,
+            "≤ 74 trials",
         ),
-        *share("verdicts right when the campaign ends itself", "campaigns", right, "≥ 95 %"),
+        *share("verdicts right if the campaign stops by itself", "campaigns", right, "≥ 95 %"),
     ]
 
 

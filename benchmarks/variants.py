@@ -130,11 +130,14 @@ def outcome(family: str, found: Discovery) -> str:
 
 
 OUTCOMES = (*NAMED, "adequate", "unexplained", "half", NOT_TOLD, "false claim")
+SHOWN = {NOT_TOLD: "indistinguishable"}
+"""Outcomes with another heading than in the stored results."""
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
     """A row for each form of one lab, and one for all, in Markdown."""
-    lines = ["| family | form | campaigns | " + " | ".join(OUTCOMES) + " |", "|" + "---|" * (3 + len(OUTCOMES))]
+    heads = [SHOWN.get(one, one) for one in OUTCOMES]
+    lines = ["| family | form | campaigns | " + " | ".join(heads) + " |", "|" + "---|" * (3 + len(heads))]
     for family, form in dict.fromkeys((one["family"], one["form"]) for one in results):
         lines.append(_row(family, form, [one for one in results if (one["family"], one["form"]) == (family, form)]))
     return "\n".join([*lines, _row("all", "", results)]) + "\n"
@@ -151,14 +154,13 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "# Effects whose formulas have another form",
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
-        f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The first "
-        "two labs and the fourth to tenth knew the catalogue's formulas and nothing else, the third what "
-        "the first two had written. What came out wrong of the first to sixth was looked at and has conventions of its "
-        "kind, of the seventh to the tenth what was claimed. "
-        "`adequate`: the base model takes in what the form does, nothing is left to be told. `half`: the family, and "
-        f"another beside it. `{NOT_TOLD}`: what is named does not act, but its deviance is less than {TOLD:g} above "
-        "that of the form itself, fitted to the same trials: these can't tell the two apart. leg_slip, cable_drag and "
-        "bed_slope count as one family.",
+        f"with a formula of forms.yaml instead of a catalogue's effect; sets of up to {MAX_EFFECTS} effects. The "
+        "authors of the first two labs and of the fourth to tenth knew only the catalogue's formulas, those of the "
+        "third also what the first two had written. Wrong verdicts of the first to sixth lab, and false claims of the "
+        "seventh to tenth, were analysed and led to conventions of their kind. "
+        "`adequate`: the base model absorbs the form's effect, so nothing can be named. `half`: the family together "
+        f"with another one. `{SHOWN[NOT_TOLD]}`: the named effect is absent, but its deviance is less than {TOLD:g} "
+        "above that of the form itself for the same trials. leg_slip, cable_drag and bed_slope count as one family.",
     ]
     for lab in dict.fromkeys(form.lab for form in FORMS):
         if some := [one for one in results if one["lab"] == lab and one["family"] != OUTSIDE]:
@@ -172,9 +174,9 @@ def _claimed(some: Sequence[Mapping[str, Any]]) -> str:
     counts = Counter(one["outcome"] for one in some)
     claimed, told = sum(counts[one] for one in NAMED), len(some) - counts[NOT_TOLD]
     return (
-        f"* a family that does not act: identified {counts['identified']}, ambiguous {counts['ambiguous']}, partial "
-        f"{counts['partial']} of {told} that can be told ({claimed / told:.0%}; asked ≤ 5 %); {counts[NOT_TOLD]} of "
-        "all are named what they can't be told from"
+        f"* an absent family: identified {counts['identified']}, ambiguous {counts['ambiguous']}, partial "
+        f"{counts['partial']} of {told} distinguishable worlds ({claimed / told:.0%}; target ≤ 5 %); "
+        f"{counts[NOT_TOLD]} more are called something that their trials can't distinguish from them"
     )
 
 
@@ -183,10 +185,10 @@ def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
     told = len(some) - counts["adequate"] - counts[NOT_TOLD]
     named = sum(counts[one] for one in NAMED)
     return [
-        f"* right family named, partial or in the set: {named} of {told} that can be told ({named / told:.0%}, asked "
-        f"≥ 90 %; {counts['adequate']} are adequate, {counts[NOT_TOLD]} named what they can't be told from)",
-        f"* another family: {counts['false claim']} of {len(some)} ({counts['false claim'] / len(some):.0%}; asked "
-        f"≤ 2 %), another beside the right one: {counts['half']}",
+        f"* right family named, partial or in the set: {named} of {told} distinguishable forms ({named / told:.0%}, "
+        f"target ≥ 90 %; {counts['adequate']} are adequate, {counts[NOT_TOLD]} indistinguishable from what is named)",
+        f"* another family: {counts['false claim']} of {len(some)} ({counts['false claim'] / len(some):.0%}; target "
+        f"≤ 2 %), another together with the right one: {counts['half']}",
     ]
 
 
@@ -197,9 +199,9 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     told = [one in NAMED for one in outcomes if one not in ("adequate", NOT_TOLD)]
     false = [one == "false claim" for one in outcomes]
     return [
-        *share("family named though its formula has another form", "campaigns", told, "≥ 90 %"),
+        *share("family named if its formula has another form", "campaigns", told, "≥ 90 %"),
         *share("another family named", "campaigns", false, "≤ 2 %"),
-        *share("a family named that does not act", "worlds outside the catalogue", claimed, "≤ 5 %"),
+        *share("a family named that is absent", "worlds outside the catalogue", claimed, "≤ 5 %"),
     ]
 
 
