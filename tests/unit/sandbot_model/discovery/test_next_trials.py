@@ -67,8 +67,21 @@ def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch)
     monkeypatch.setattr(module, "between", between)
     monkeypatch.setattr(module.Predicted, "by", lambda name: name)
     found = {trial.omega_rad_s: (trial.separates, trial.replicates) for trial in next_trials(["a", "b", "c"])}
-    assert found == {9.0: (("a", "b"), 2), 12.0: (("b", "c"), 70)}
+    # The two at 9 rad/s count for the other pair, too: (25 - 2 * 0.4²) / 0.6².
+    assert found == {9.0: (("a", "b"), 2), 12.0: (("b", "c"), 69)}
     assert [trial.omega_rad_s for trial in next_trials(["a", "b"])] == [9.0]
+
+
+@pytest.mark.parametrize(("gap", "replicates"), [(0.5, 20), (2.5, 2)])
+def test_all_that_separate_a_pair_share_the_replicates_that_it_takes(monkeypatch, gap, replicates):
+    """Five conditions of the same gap; where one alone is enough with two replicates, no other is proposed."""
+    places = (6.0, 9.0, 12.0, 15.0, 18.0)
+    trials = [NextTrial(0.6, omega, "speed", ("a", "b"), gap, module._replicates(gap)) for omega in places]
+    monkeypatch.setattr(module, "between", lambda *_: trials)
+    monkeypatch.setattr(module.Predicted, "by", lambda name: name)
+    found = next_trials(["a", "b"])
+    assert {trial.replicates for trial in found} == {replicates}
+    assert 25 <= sum(trial.replicates for trial in found) * gap**2 < 25 + 2 * gap**2 * len(found)
 
 
 @pytest.mark.parametrize(

@@ -393,7 +393,7 @@ def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str
     if not telling:
         return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
     best = telling[0]
-    gap = f"{best.expected_gap_sd:.1f} standard deviations of one trial"
+    gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
     return f"most telling: {best.observable} at {best.where} ({gap})"
 
 

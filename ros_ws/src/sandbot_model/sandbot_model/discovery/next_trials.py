@@ -1,7 +1,8 @@
 """Trials that would best discriminate between the surviving sets (T-optimality: Atkinson & Fedorov 1975)."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -40,6 +41,7 @@ Condition = tuple[bool, float, float]
 @dataclass(frozen=True)
 class NextTrial:
     """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
+    ``replicates`` separate them, of it or of all those proposed together (``next_trials``).
 
     ``observable`` is the name of an ``Observable``, for a trial at ``omega_rad_s`` in a ``gait`` (empty if that is not
     known by name), or ``PENETRATION``, for a reading at ``depth_m``.
@@ -53,6 +55,11 @@ class NextTrial:
     replicates: int
     depth_m: float = float("nan")
     gait: str = ""
+
+    @property
+    def kind(self) -> str:
+        """``trial``, or ``reading`` of the penetrometer."""
+        return "reading" if self.observable == PENETRATION else "trial"
 
     @property
     def condition(self) -> Condition:
@@ -72,7 +79,8 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     """The most informative measurements, best first, no two at the same condition; empty if none separates the sets.
 
     They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
-    ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them.
+    ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them. All that separate
+    a pair share the replicates that this takes.
     """
     pairs = [between(first, second) for first, second in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
@@ -81,7 +89,24 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen)) is not None:
         chosen.append(best)
         separated += [_weight(gap.get(best.condition)) for gap in gaps]
-    return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
+    return sorted(_with_shared_replicates(chosen, gaps), key=lambda trial: -trial.expected_gap_sd)
+
+
+def _with_shared_replicates(
+    chosen: Sequence[NextTrial], gaps: Sequence[Mapping[Condition, NextTrial]]
+) -> list[NextTrial]:
+    """The trials with just so many replicates that all those that are to separate a pair do so by ``SETTLED_SD``."""
+    of_pair = {trial.separates: gap for gap in gaps for trial in gap.values()}
+
+    def replicates(of: NextTrial) -> int:
+        chi2 = {True: 0.0, False: 0.0}
+        for trial in chosen:
+            if (seen := of_pair[of.separates].get(trial.condition)) is not None:
+                chi2[trial.separates == of.separates] += seen.expected_gap_sd**2
+        # Those for other pairs may have the fewest replicates.
+        return max(LEAST_REPLICATES, math.ceil((SETTLED_SD**2 - LEAST_REPLICATES * chi2[False]) / chi2[True]))
+
+    return [replace(trial, replicates=replicates(trial)) for trial in chosen]
 
 
 def _most_informative(

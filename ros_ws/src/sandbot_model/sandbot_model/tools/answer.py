@@ -39,8 +39,9 @@ def of_discovery(found: Discovery) -> str:
         lines += ["", remaining, f"try: compare DATA {found.residual.options}"]
     if verdict.status == "ambiguous" and found.next_trials:
         first = found.next_trials[0]
-        ask = f"ask: {counted(first.replicates, 'trial')} at {first.where}, and look at {first.observable}"
-        lines += ["", filled(f"{ask}; campaign PLAN --plan DISCOVERY.json runs them all")]
+        ask = f"ask: {counted(first.replicates, first.kind)} at {first.where}, and look at {first.observable}"
+        every = sum(trial.replicates for trial in found.next_trials if trial.kind == "trial")
+        lines += ["", filled(f"{ask}; campaign PLAN --plan DISCOVERY.json runs all {every} proposed trials")]
     return "\n".join(lines)
 
 
