@@ -312,9 +312,10 @@ def _descended(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float
 
 
 def _scanned(problem: Problem, state: States) -> States:
-    """The result of scans along every unknown, and a descent from there. One row."""
-    moved = scan_theta(problem, scan_k(problem, state))
-    return descend(problem, scan_bed(problem, moved))
+    """The result of scans along every unknown, and a descent from there with the slopes of its own k(φ). One row."""
+    moved = scan_bed(problem, scan_theta(problem, scan_k(problem, state)))
+    begin = problem.states(moved.theta, moved.ln_k, _slopes(problem, moved.ln_k), problem.bed(moved))
+    return descend(problem, begin)
 
 
 def _states_of(problem: Problem, found: Sequence[Start]) -> States:
