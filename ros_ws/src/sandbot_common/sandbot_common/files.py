@@ -266,8 +266,8 @@ class _Table:
 
     @property
     def fit(self) -> tuple[bool, bool, int, int]:
-        """The larger, the likelier this is the separator: rows as long as the header, a header of names (no numbers, even
-        between other separators, no split quotes), few lines above it, many columns.
+        """The larger, the likelier this is the separator: rows as long as the header, a header of names (no numbers,
+        even between other separators, no split quotes), few lines above it, many columns.
         """
         width = len(self.header)
         even = width > 1 and {len(cells) for _, cells in self.rows} == {width}
