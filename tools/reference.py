@@ -120,7 +120,26 @@ def files() -> str:
     parts = [f"{MADE}# Keys of YAML files\n\nAn unknown key is an error; a key that is left out has its default.\n"]
     for title, (module, name) in FILES.items():
         parts.append(f"## {title}\n\n{keys(getattr(import_module(module), name))}\n")
-    return "\n".join(parts)
+    return "\n".join([*parts, lab_effects()])
+
+
+def lab_effects() -> str:
+    """The effects a world may contain."""
+    from sandbot_lab.effects import EFFECTS
+
+    rows = [
+        (f"`{name}`", f"`{one.name}`", one.unit or "–", f"{one.low:g} to {one.high:g}", f"`{one.default:g}`", one.doc)
+        for name, effect in EFFECTS.items()
+        for one in effect.parameters
+    ]
+    bare = ", ".join(f"`{name}`" for name, effect in EFFECTS.items() if not effect.parameters)
+    return (
+        "## effects in world.yaml\n\nAs in `effects: {stance_overlap: {eta: 0.15}}`; `{}` for all defaults. "
+        "The lab has parameters of its own: some have other names\n"
+        "or units than the catalogue's, and no effect named x_… is in the catalogue. Without a parameter: "
+        f"{bare}.\n\n"
+        f"{table(('effect', 'parameter', 'unit', 'range', 'default', 'meaning'), rows)}\n"
+    )
 
 
 def keys(cls: type) -> str:

@@ -431,7 +431,7 @@ def test_a_type_that_is_not_installed_is_named_once_and_the_rest_recorded(tmp_pa
         assert record.wait(60) == 1
     assert "/viewer/marker: type visualization_msgs/msg/Marker is not installed here" in refusal
     assert "not recording" not in rest
-    assert "1 topics not recorded (/viewer/marker)" in rest
+    assert "1 topic not recorded (/viewer/marker)" in rest
     bag = Bag.open(tmp_path / "b")
     assert bag.topics["/leg_states"].count == 400
     assert "incomplete, not recorded: /viewer/marker" in bag.provenance["recording"]["exit_status"]

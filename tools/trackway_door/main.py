@@ -46,7 +46,8 @@ def _main(argv: Sequence[str]) -> int:
         code = _run(command(name, arguments, others), ours=name not in FOREIGN)
     verb = VERBS.get(name)
     if verb is not None and code == 0 and not {"-h", "--help"} & set(arguments):
-        for number, line in enumerate(then(verb, arguments)):
+        given = _demo(arguments)[:1] if name == "demo" else arguments
+        for number, line in enumerate(then(verb, given)):
             print(f"{'     ' if number else 'next:'} {line}", file=sys.stderr)
     return code
 

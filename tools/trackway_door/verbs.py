@@ -1,9 +1,10 @@
 """What there is: each verb's executable, what it does in a line, and what to look at afterwards."""
 
+import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain
 from pathlib import Path
 
 from sandbot_common.terminal import filled
@@ -11,20 +12,28 @@ from sandbot_common.terminal import filled
 
 @dataclass(frozen=True)
 class Verb:
-    """One command. In ``then``, {data} is its first argument and {out} what --out names."""
+    """One command. In ``then``, {data} is what it was given, {out} what --out names, {given} all its arguments."""
 
     name: str
     says: str
     package: str = ""
     """Empty where it is no executable of its own."""
     then: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+    """Options that say what is analysed; as the command of a ``then``, it is given those of the verb before."""
 
+
+SETTING = ("--robot", "--cameras", "--penetrometer", "--effects-from", "--effect")
+BED = ("--bed-scatter", "--bed-drift")
+FLAGS = ("--verbose", "--batch", "--config-folder", "--dry-run", "--loop", "-l", "--clock", "--decode-jpeg")
+FLAGS += ("--with-commands", "--all", "-a", "--pause-images", "--fresh", "--end-with-stdin", "--fsync", "--quantities")
+"""Options without a value, of the verbs with a ``then``."""
+MANY = ("--attach", "--topics", "--remap")
+"""Those with any number of values."""
 
 GROUPS = {
     "begin": (
-        Verb(
-            "demo", "a blind campaign on the virtual lab, from trials to verdict", "", ("trackway explore runs/demo",)
-        ),
+        Verb("demo", "a blind campaign on the virtual lab, from trials to verdict", "", ("trackway explore {data}",)),
         Verb("doctor", "whether this installation works, and what to do if not", "", ("trackway demo",)),
     ),
     "measure": (
@@ -53,21 +62,28 @@ GROUPS = {
             "the model beside the measurements, over the noise floor",
             "sandbot_model",
             ("trackway discover {data}", "trackway explore {data}"),
+            (*SETTING, "--model"),
         ),
         Verb(
             "discover",
             "which physical effect is missing, or that none is",
             "sandbot_model",
-            ("trackway explore {data}", "trackway discover {data} --html report.html"),
+            ("trackway explore {data}", "trackway discover {given} --html report.html"),
+            (*SETTING, *BED, "--model"),
         ),
-        Verb("explore", "the page: switch effects on and watch the error fall", "sandbot_model"),
+        Verb(
+            "explore",
+            "the page: switch effects on and watch the error fall",
+            "sandbot_model",
+            takes=(*SETTING, *BED, "--selection"),
+        ),
         Verb("export", "a trial for Rerun (.rrd) or as a clip (.mp4)", "sandbot_model"),
         Verb("atlas", "the paper's figures from any data", "sandbot_model", ("trackway explore {data}",)),
         Verb(
             "effects",
             "the catalogue of effects, and the symbols of formulas",
             "sandbot_model",
-            ("trackway effects --quantities", "trackway compare DATA --effects NAME"),
+            ("trackway effects --quantities",),
         ),
         Verb("unseal", "open the virtual lab's truth, hold the verdict against it", "sandbot_bringup"),
         Verb("penetrometer", "press a leg into the virtual lab's ground", "sandbot_lab"),
@@ -86,16 +102,41 @@ def usage(others: Sequence[str]) -> str:
 
 
 def then(verb: Verb, arguments: Sequence[str]) -> list[str]:
-    """What to look at after a verb was run with these arguments; nothing that would need a name not known."""
-    out = next((after for name, after in pairwise(arguments) if name in ("--out", "-o")), "")
-    known = {"data": _data(arguments), "out": out}
-    unknown = [f"{{{name}}}" for name, value in known.items() if not value]
-    quoted = {name: shlex.quote(value) for name, value in known.items()}
-    return [line.format(**quoted) for line in verb.then if not any(name in line for name in unknown)]
+    """What to look at after a verb was run with these arguments: commands that work as printed, in the same folder.
+
+    None whose own options were given already.
+    """
+    data, options = _split(arguments)
+    given = {name for name, *_ in options}
+    out = [value for name, *values in options if name in ("--out", "-o") for value in values]
+    known = {"{data}": _lasting(data), "{out}": _lasting(out), "{given}": list(arguments) if _lasting(data) else []}
+    lines = []
+    for words in map(str.split, verb.then):
+        if not given & set(words) and all(known.get(word, [word]) for word in words):
+            takes = () if "{given}" in words else VERBS[words[1]].takes
+            taken = [option for option in options if option[0] in takes]
+            parts = [known.get(word, [word]) for word in words] + taken
+            lines.append(shlex.join(chain.from_iterable(parts)))
+    return lines
 
 
-def _data(arguments: Sequence[str]) -> str:
-    """The first word that is no option's value; behind a flag (``--verbose DATA``) one that is a file or folder."""
-    words = [(before, word) for before, word in pairwise(["", *arguments]) if not word.startswith("-")]
-    free = [word for before, word in words if not before.startswith("-") or "=" in before]
-    return next(iter([*free, *(word for _, word in words if Path(word).exists())]), "")
+def _split(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """The words that are no option's, and every option with its values."""
+    free: list[str] = []
+    options: list[list[str]] = []
+    room = 0.0
+    for word in arguments:
+        if word.startswith("-"):
+            options.append(word.split("=", 1))
+            room = 0 if "=" in word or word in FLAGS else math.inf if word in MANY else 1
+        elif room:
+            options[-1].append(word)
+            room -= 1
+        else:
+            free.append(word)
+    return free, options
+
+
+def _lasting(paths: list[str]) -> list[str]:
+    """These paths, if all are there to be read again; a pipe is not."""
+    return paths if all(Path(path).exists() and not path.startswith("/dev/") for path in paths) else []

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 import reference
+from sandbot_lab.effects import EFFECTS
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -32,6 +33,12 @@ def test_a_page_is_what_the_code_says(name):
     page = (DOCS / "lookup" / name).read_text(encoding="utf-8")
     assert words(page) == words(made), "make reference writes it anew"
     assert page.startswith(reference.MADE)
+
+
+def test_the_page_of_files_has_every_effect_of_a_world():
+    page = (DOCS / "lookup" / "files.md").read_text(encoding="utf-8").partition("## effects in world.yaml")[2]
+    assert "| `crater_refill` | `z_0_m` | m | 0 to 0.015 | `0.01` |" in page
+    assert [name for name in EFFECTS if f"`{name}`" not in page] == []
 
 
 def test_each_effect_is_drawn_as_the_code_draws_it():

@@ -38,6 +38,19 @@ def test_plan_may_grow_by_extra_trials_but_not_shrink(tmp_path: Path) -> None:
     assert read_plan(folder.plan_file) == grown
 
 
+def test_a_budget_is_not_lowered_below_what_is_planned(tmp_path: Path) -> None:
+    """Lowered to that, or unchanged and exceeded by an operator's trial, it is adopted."""
+    folder = CampaignFolder(tmp_path)
+    of_four = dataclasses.replace(PLAN, until="verdict", budget=6, extra_trials=({**EXTRA, "replicates": 4},))
+    folder.adopt(of_four, {})
+    with pytest.raises(InputError, match="budget: 3 trials are fewer than the 4 planned already"):
+        folder.adopt(dataclasses.replace(of_four, budget=3), {})
+    exceeded = dataclasses.replace(of_four, budget=4, extra_trials=(*of_four.extra_trials, EXTRA))
+    folder.adopt(exceeded, {})
+    folder.adopt(exceeded, {})
+    assert read_plan(folder.plan_file) == exceeded
+
+
 def test_another_plan_is_refused_and_nothing_changes(tmp_path: Path) -> None:
     folder = CampaignFolder(tmp_path)
     folder.adopt(PLAN, {})

@@ -183,7 +183,11 @@ def test_reads_a_csv_by_column_with_the_number_of_each_row(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("a,b\n1\n", "row 2: 1 values for 2 columns"),
+        ("a,b\n1\n", "row 2: 1 value for 2 columns"),
+        # An unquoted comma in each remark, as in one: the spaces after it separate nothing.
+        ("a,b,remark\n1,2,ok, dry\n3,4,ok, dry\n", "row 2: 4 values for 3 columns"),
+        ("a;b;remark\n5;2;ok; dry\n6;2;ok; dry\n", "row 2: 4 values for 3 columns"),
+        ("a,b,remark\n1,2,ok\n3,4,ok, dry\n", "row 3: 4 values for 3 columns"),
         ("a,b,a\n1,2,3\n", "row 1: column a is there twice"),
         ('a,b\n"1,2\n', "not a CSV"),
     ],
@@ -212,6 +216,8 @@ def rows_of(path, text):
         ("a,b\n1,x; y; z\n2,u; v; w\n", ["a", "b"], [(2, ["1", "x; y; z"]), (3, ["2", "u; v; w"])]),
         ("title\na,b\n1,x; y; z\n", ["a", "b"], [(3, ["1", "x; y; z"])]),
         ('a,b\n1,"x\ty"\n', ["a", "b"], [(2, ["1", "x\ty"])]),
+        # A title of one word, above spaces.
+        ("title,1\na b\n1,5 2\n", ["a", "b"], [(3, ["1.5", "2"])]),
         # A column of words keeps its points.
         ("a;b\n1,5;1.2\n2,5;two\n", ["a", "b"], [(2, ["1.5", "1.2"]), (3, ["2.5", "two"])]),
         ("a;b\n1.5;nan\n", ["a", "b"], [(2, ["1.5", "nan"])]),

@@ -1,6 +1,8 @@
 """The one door: its verbs are the executables, from any folder and with nothing sourced."""
 
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -11,11 +13,12 @@ import pytest
 import install_ros2_fallback as installer
 from sandbot_common.errors import InputError
 from trackway_door import main as door
-from trackway_door.verbs import VERBS, then, usage
+from trackway_door.verbs import FLAGS, MANY, VERBS, then, usage
 
 BARE = {"PATH": "/usr/bin:/bin", "HOME": "/tmp"}
 TRACKWAY = installer.DOOR
 NO_FORWARD = {"demo", "doctor", "live"}
+NEXT, REPORT = ("discover", "explore"), "--html report.html"
 
 
 def trackway(*arguments, **options):
@@ -67,30 +70,66 @@ def test_a_verb_that_is_none_is_answered_with_the_one_that_may_be_meant():
         door.command("compar", [], {})
 
 
+OWN = ["--effects-from", "own.py"]
+TYPED = ["--effect", "x: strength: k*(1 + a); a [1] in -5..5"]
+
+
 @pytest.mark.parametrize(
-    ("name", "arguments", "told"),
+    ("arguments", "told"),
     [
-        ("compare", ["runs/demo", "--model", "full"], ["trackway discover runs/demo", "trackway explore runs/demo"]),
-        ("campaign", ["p.yaml", "--out", "runs/x"], ["trackway compare runs/x", "trackway discover runs/x"]),
-        ("campaign", ["p.yaml"], []),
-        ("record", ["-a", "-o", "bag"], ["trackway info bag", "trackway replay bag"]),
-        ("table", ["my trials"], ["trackway compare 'my trials'"]),
-        ("table", ["--rate", "8", "runs/x"], ["trackway compare runs/x"]),
-        ("table", ["--verbose", str(door.TOOLS)], [f"trackway compare {door.TOOLS}"]),
-        ("table", ["--rate=8", "runs/x"], ["trackway compare runs/x"]),
-        ("table", ["--robot", "none.yaml"], []),
+        ("compare a.csv", ["discover a.csv", "explore a.csv"]),
+        ("compare --verbose a.csv b.csv", ["discover a.csv b.csv", "explore a.csv b.csv"]),
+        ("compare a.csv --model full", ["discover a.csv --model full", "explore a.csv"]),
+        ("compare a.csv --hold x=1 --selection s.yaml", ["discover a.csv", "explore a.csv --selection s.yaml"]),
+        (["compare", "a.csv", *OWN, *TYPED], [f"{verb} a.csv {shlex.join(OWN + TYPED)}" for verb in NEXT]),
+        ("discover a.csv --robot=r.yaml", ["explore a.csv --robot r.yaml", f"discover a.csv --robot=r.yaml {REPORT}"]),
+        ("discover a.csv --max-effects 1", ["explore a.csv", f"discover a.csv --max-effects 1 {REPORT}"]),
+        ("discover a.csv --html d.html", ["explore a.csv"]),
+        ("discover /dev/stdin", []),
+        ("discover none.csv", []),
+        ("campaign a.csv --out run", ["compare run", "discover run"]),
+        ("campaign a.csv --out=run --bed-drift 0.1", ["compare run", "discover run --bed-drift 0.1"]),
+        ("campaign a.csv --out c1 --dry-run", []),
+        ("campaign a.csv", []),
+        ("record -a -o run", ["info run", "replay run"]),
+        ("replay run --topics /a /b", ["info run"]),
+        (["table", "my trials"], ["compare 'my trials'"]),
+        ("table --rate 8 run", ["compare run"]),
+        ("table --robot a.csv", []),
+        ("effects leg_slip", ["effects --quantities"]),
+        ("effects --quantities", []),
     ],
 )
-def test_what_is_next_names_what_was_given(name, arguments, told):
-    """As it can be pasted: quoted, and no option's value for the data."""
-    assert then(VERBS[name], arguments) == told
+def test_what_is_next_works_as_printed(arguments, told, tmp_path, monkeypatch):
+    """On all that was given, with the options that both take, quoted; nothing that isn't there, or was just done."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.csv", "b.csv", "run", "my trials"):
+        (tmp_path / name).mkdir()
+    name, *words = arguments if isinstance(arguments, list) else arguments.split()
+    assert then(VERBS[name], words) == [f"trackway {line}" for line in told]
 
 
-def test_what_is_next_is_a_command_that_exists():
+def usage_of(name):
+    """The usage of a verb in docs/lookup/commands.md, without metavariables in quotes."""
+    text = (door.TOOLS.parent / "docs/lookup/commands.md").read_text(encoding="utf-8")
+    return re.sub(r"'[^']*'", "X", re.search(rf"^usage: {name} (.*?)\n\n", text, re.DOTALL | re.MULTILINE)[1])
+
+
+def test_what_is_next_is_a_command_that_takes_these_options():
     for verb in VERBS.values():
         for line in verb.then:
             assert line.split()[0] == "trackway"
             assert line.split()[1] in VERBS
+        for option in verb.takes:
+            assert f"[{option} " in usage_of(verb.name)
+
+
+@pytest.mark.parametrize("name", [verb.name for verb in VERBS.values() if verb.then and verb.package])
+def test_options_have_as_many_values_as_is_assumed(name):
+    of_help = re.findall(r"(--[a-z-]+)( [^][|-]+)?( ?\[\w[^]]*])?", usage_of(name))
+    assert {option for option, *values in of_help if not any(values)} <= {*FLAGS}
+    assert {option for option, *values in of_help if any(values)}.isdisjoint(FLAGS)
+    assert {option for option, value, more in of_help if value and more} == {*MANY} & {option for option, *_ in of_help}
 
 
 @pytest.mark.slow

@@ -82,7 +82,10 @@ class CampaignFolder:
         return dataclasses.replace(plan, extra_trials=present.extra_trials) if begins and _same(present, plan) else plan
 
     def check(self, plan: Plan) -> None:
-        """Raise InputError if the folder holds anything but this campaign, or an earlier state of it."""
+        """Raise InputError if the folder holds anything but this campaign, or an earlier state of it.
+
+        Its budget can't be lowered below the trials already planned; the operator may have added trials beyond it.
+        """
         if self.plan_file.exists():
             present = read_plan(self.plan_file)
             grown = plan.extra_trials[: len(present.extra_trials)] == present.extra_trials
@@ -90,6 +93,11 @@ class CampaignFolder:
                 raise InputError(
                     f"{self.path}: holds campaign {present.name!r} with another plan ({_difference(present, plan)}); "
                     "give another --out, or resume it with its own campaign.yaml"
+                )
+            planned = len(trials_of(present))
+            if plan.until and plan.max_trials < min(present.max_trials, planned):
+                raise InputError(
+                    f"{self.path}: budget: {plan.max_trials} trials are fewer than the {planned} planned already"
                 )
         elif blocking := next((path for path in (self.path, *self.path.parents) if path.is_file()), None):
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")

@@ -34,4 +34,5 @@ def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, st
         base = expected(from_rows(rows, robot_of(files), accuracy=accuracy_of(cameras, "cameras.yaml")))
     except InputError as error:
         return f"what it will be able to find can't be predicted: {error}"
-    return f"effects {in_words(detectable(EffectSearch(base.cells, catalogue(), 'simple'), base))}"
+    search = EffectSearch(base.cells, catalogue(), "simple")
+    return f"effects {in_words(detectable(search, base), search.names)}"

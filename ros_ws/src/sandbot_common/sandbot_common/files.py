@@ -21,6 +21,7 @@ from typing import Any
 import yaml
 
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 
 
 @contextmanager
@@ -265,13 +266,14 @@ class _Table:
 
     @property
     def fit(self) -> tuple[bool, bool, int, int]:
-        """The larger, the likelier this is the separator: rows as long as the header, a header of names (no numbers, no
-        split quotes), few lines above it, many columns.
+        """The larger, the likelier this is the separator: rows as long as the header, a header of names (no numbers,
+        even between other separators, no split quotes), few lines above it, many columns.
         """
         width = len(self.header)
         even = width > 1 and {len(cells) for _, cells in self.rows} == {width}
         first = self.rows[0][0] if self.rows else 0
-        names = not any(NUMBER.fullmatch(cell) or '"' in cell for cell in self.header)
+        parts = (part for cell in self.header for part in (cell, *re.split("[,;\t]", cell)))
+        names = not any(NUMBER.fullmatch(part) or '"' in part for part in parts)
         return even, names, -first, width
 
     @property
@@ -372,5 +374,5 @@ def _with_points(path: Path, header: list[str], rows: _Rows) -> _Rows:
 def _csv_rows(path: Path, header: list[str], rows: _Rows) -> Iterator[tuple[int, dict[str, str]]]:
     for number, cells in rows:
         if len(cells) != len(header):
-            raise InputError(f"{path}: row {number}: {len(cells)} values for {len(header)} columns")
+            raise InputError(f"{path}: row {number}: {counted(len(cells), 'value')} for {len(header)} columns")
         yield number, dict(zip(header, cells, strict=True))

@@ -19,6 +19,11 @@ def styled(text: str, style: str) -> str:
     return f"\x1b[{_CODES[style]}m{text}\x1b[0m"
 
 
+def counted(number: int, noun: str) -> str:
+    """``1 cell``, ``2 cells``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def filled(text: str, indent: str = "", width: int = WIDTH) -> str:
     """``text`` wrapped to a terminal's width; after an ``indent``, all lines but the first get two columns more."""
     further = f"{indent}  " if indent else ""

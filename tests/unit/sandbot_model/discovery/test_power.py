@@ -79,9 +79,13 @@ def test_readings_show_weaker_exponents_the_more_precise_they_are(drawn):
 
 def test_what_does_not_show_at_any_usual_strength_is_said():
     found = [Detectable("stance_overlap", "eta", "1", 0.0542), Detectable("added_mass", "c_g", "1", None)]
-    assert in_words(found) == (
+    said = (
         "would show in 90% of such campaigns from this strength on: stance_overlap.eta 0.0542; "
         "at no usual strength: added_mass"
+    )
+    assert in_words(found, ["stance_overlap", "added_mass"]) == said
+    assert in_words(found, ["stance_overlap", "belly_coast", "added_mass", "finite_depth"]) == (
+        f"{said}; not covered, as no value of a parameter makes them vanish: belly_coast, finite_depth"
     )
 
 

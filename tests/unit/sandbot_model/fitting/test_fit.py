@@ -75,6 +75,25 @@ def test_predicts_for_the_gait_of_most_trials(two_gaits):
     assert abs(usual - hard) > 5e-3
 
 
+@pytest.mark.parametrize(
+    ("phi", "omega", "said"),
+    [
+        (np.nan, 10.0, "phi: nan is out of range; volume fractions between 0 and 1"),
+        ([0.6, 62], 10.0, "phi: 62 is out of range"),
+        (0.6, [10.0, -1.0], "omega: -1 is out of range; finite leg frequencies above 0 rad/s"),
+        (0.6, 0.0, "omega: 0 is out of range"),
+        (0.6, np.inf, "omega: inf is out of range"),
+        (0.6, "fast", "omega: 'fast': not numbers; finite leg frequencies"),
+        ([0.6, 0.61], [8.0, 9.0, 10.0], r"shapes \(2,\), \(3,\) can't be broadcast"),
+    ],
+)
+def test_what_can_not_be_predicted_is_refused(two_gaits, phi, omega, said):
+    for method in (two_gaits.predict, two_gaits.uncertainty):
+        with pytest.raises(InputError, match=said):
+            method(phi, omega)
+    assert two_gaits.predict(0.7, [1e-3, 10.0]).speed_m_s.shape == (2,)
+
+
 def test_predicts_between_cells(drawn):
     found = fit(model_of("simple", (), EFFECTS), cells_of(drawn()))
     seen = found.predict(np.array([0.59, 0.61])[:, None], np.array([6.0, 10.0, 14.0]))

@@ -286,6 +286,20 @@ def test_an_unfinished_bag_names_recover(tmp_path):
     assert not Bag.open(bag, strict=False).complete
 
 
+def test_a_file_of_random_bytes_was_not_cut_off(tmp_path):
+    """An empty one, or one of a few of the format's first bytes, may have been."""
+    bag = bags.legs_bag(tmp_path / "b", 3)
+    file = bag / "b_0.mcap"
+    start = file.read_bytes()[:4]
+    file.write_bytes(bytes(range(256)) * 10)
+    said = r"b_0\.mcap neither begins nor ends as an MCAP file; no message can be brought back$"
+    with pytest.raises(InputError, match=said):
+        Bag.open(bag)
+    for short in (b"", start):
+        file.write_bytes(short)
+        assert Bag.open(bag, strict=False).problems[0] == "b_0.mcap is unfinished, its recording was cut off"
+
+
 def test_fewer_messages_than_metadata_yaml_says(tmp_path):
     bag = bags.legs_bag(tmp_path / "b", 3)
     text = (bag / "metadata.yaml").read_text().replace("message_count: 3", "message_count: 4")

@@ -81,7 +81,7 @@ def test_a_topic_that_cannot_be_recorded_makes_it_incomplete(tmp_path):
     put(made, [1, 2])
     made.refuse("/y", "its type is not installed")
     made.close({"trial": {"id": "t"}})
-    assert "1 topics not recorded (/y)" in made.last_line()
+    assert "1 topic not recorded (/y)" in made.last_line()
     told = Bag.open(tmp_path / "b").provenance
     assert told["recording"]["exit_status"] == "incomplete, not recorded: /y"
     assert told["recording"]["/y"] == "not recorded: its type is not installed"
@@ -260,7 +260,7 @@ def test_images_become_a_video(tmp_path):
         image = to_cdr(messages.image(index, "cam", one))
         made.put(Received("/cam", image, bags.T0 + index, bags.T0 + index, index + 1))
     made.close()
-    assert made.last_line().startswith("recorded 5 messages of 1 topics")
+    assert made.last_line().startswith("recorded 5 messages of 1 topic to ")
     timeline = Timeline(Bag.open(tmp_path / "b"))
     for index, one in enumerate(pixels):
         image = timeline[index].decode()

@@ -17,6 +17,7 @@ from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.recover import recover
 from sandbot_record.tools import info
+from sandbot_record.tools import recover as tool
 
 TYPE = "sensor_msgs/msg/JointState"
 COUNT = 40
@@ -145,6 +146,15 @@ def test_a_message_is_missed_in_a_bag_that_was_cut_off_elsewhere(tmp_path):
     file.write_bytes(data)
     told = f"b_0.mcap: its summary says {COUNT} messages, it holds {COUNT - 1}"
     assert told in recover(tmp_path / "b", tmp_path / "r").notes
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "1 message"), (2, "2 messages")])
+def test_messages_are_counted_in_words(tmp_path, capsys, count, said):
+    file = bags.legs_bag(tmp_path / "b", count) / "b_0.mcap"
+    file.write_bytes(file.read_bytes()[:-100])
+    assert tool.main([str(tmp_path / "b"), str(tmp_path / "r")]) == 0
+    assert f": {said} back\n" in (printed := capsys.readouterr().out)
+    assert printed.endswith(f"r: {said}, complete\n")
 
 
 def test_fewer_messages_than_metadata_yaml_says_are_lost(tmp_path):

@@ -175,7 +175,8 @@ def test_recover_takes_over_the_intact_frames(tmp_path, capsys):
     data[len(data) // 2] ^= 1
     file.write_bytes(data[: len(data) * 3 // 4])
     assert info([str(bag)]) == 1
-    assert "frames of camera-dorsal-image_raw.avi are missing or damaged" in capsys.readouterr().out
+    assert "State:             camera-dorsal-image_raw.avi: " in (printed := capsys.readouterr().out)
+    assert "missing or damaged" in printed
     result = recover(bag, tmp_path / "r")
     assert 1 <= result.losses[INDEX].count <= 12
     timeline = Timeline(Bag.open(tmp_path / "r"))

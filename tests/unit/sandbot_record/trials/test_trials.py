@@ -458,6 +458,18 @@ def test_a_table_in_other_units_or_with_fewer_digits_is_the_same_table(tmp_path)
         assert both.unread[0] == f"9 trials of {other} are also in the data before it and are counted once"
 
 
+@pytest.mark.parametrize(("decimals", "usable"), [(9, 3), (3, 4)])
+def test_nameless_trials_of_two_tables_are_one_if_they_agree_in_many_digits(tmp_path, decimals, usable):
+    """Neither table contains the other; control: rounded values, which agree by chance."""
+    first, shared, second = (
+        f"0.6,{omega},{speed:.{decimals}f},{speed / 9:.{decimals}f}"
+        for omega, speed in ((8, 0.201234567), (9, 0.211234567), (10, 0.221234567))
+    )
+    for name, rows in (("a.csv", (first, shared)), ("b.csv", (shared, second))):
+        (tmp_path / name).write_text("\n".join(["phi,omega_rad_s,speed_m_s,lift_m", *rows]))
+    assert int(read([tmp_path / "a.csv", tmp_path / "b.csv"]).usable.sum()) == usable
+
+
 def test_trials_of_one_name_and_day_are_two_where_no_time_is_told(tmp_path):
     """Control: the first trial of the morning, and of the afternoon."""
     head = "trial_id,phi,omega_rad_s,speed_m_s,started\n"

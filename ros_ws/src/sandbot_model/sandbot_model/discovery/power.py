@@ -5,6 +5,7 @@ part that the fit's own parameters and the nuisances can't absorb gains λ = |P 
 deviation of 2√λ. It is claimed with probability Φ(z) where √λ = √claim + z.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,12 +59,15 @@ def detectable(search: EffectSearch, base: Fit) -> list[Detectable]:
     ]
 
 
-def in_words(found: list[Detectable]) -> str:
-    """One sentence for a reader."""
+def in_words(found: list[Detectable], names: Iterable[str]) -> str:
+    """One sentence for a reader; ``names`` are all effects that could be present."""
     shown = ", ".join(str(effect) for effect in found if effect.value is not None)
     hidden = ", ".join(str(effect) for effect in found if effect.value is None)
     parts = [f"would show in {POWER:.0%} of such campaigns from this strength on: {shown}"] * bool(shown)
     parts += [f"at no usual strength: {hidden}"] * bool(hidden)
+    covered = {effect.effect for effect in found}
+    other = ", ".join(name for name in names if name not in covered)
+    parts += [f"not covered, as no value of a parameter makes them vanish: {other}"] * bool(other)
     return "; ".join(parts)
 
 

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.global_minimum import Point, WarmStart
@@ -161,15 +162,17 @@ class Fitted:
     def predict(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and constant beyond them.
 
-        ``clock`` is how legs turn (``gait.clock``), by default as in most of the trials.
+        ``clock`` is how legs turn (``gait.clock``), by default as in most of the trials. Raises InputError unless
+        0 < φ < 1, 0 < ω < ∞ [rad/s] and their shapes can be broadcast.
         """
-        return self._predict(self.point.theta, self.point.ln_k, phi, omega, clock)
+        return self._predict(self.point.theta, self.point.ln_k, *_conditions(phi, omega, clock), clock)
 
     def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Array:
         """Standard deviation ``(..., 4)`` of ``predict`` due to the uncertainty of θ and k.
 
-        See ``uncertainty.propagated``; it is large near a switch.
+        See ``uncertainty.propagated``; it is large near a switch. Raises InputError as ``predict`` does.
         """
+        phi, omega = _conditions(phi, omega, clock)
         found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
@@ -208,14 +211,42 @@ class Fitted:
 
         return what(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
 
-    def _predict(self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> Prediction:
-        at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
+    def _predict(self, theta: Array, ln_k: Array, phi: Array, omega: Array, clock: Clock | None) -> Prediction:
+        k = np.exp(ln_k)
         clock = self.cells.clock[self.cells.gait.index(self.gait)] if clock is None else clock
         curve = KCurve(self.level_phi, k)
-        inputs, params = self.model.inputs(theta, curve(at), omega, at, clock, curve)
-        shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(clock.slow_ratio))
+        inputs, params = self.model.inputs(theta, curve(phi), omega, phi, clock, curve)
+        shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), np.shape(clock.slow_ratio))
         found = predicted(self.model.walker, inputs, params, curve)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
+
+
+def _conditions(phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> tuple[Array, Array]:
+    """φ and ω [rad/s] as arrays. Raises InputError for those at which nothing can be predicted."""
+    found = (
+        _between(0.0, 1.0, phi, "phi", "volume fractions between 0 and 1, both excluded, are needed"),
+        _between(0.0, np.inf, omega, "omega", "finite leg frequencies above 0 rad/s are needed"),
+    )
+    shapes = [np.shape(values) for values in (*found, *([] if clock is None else [clock.slow_ratio]))]
+    try:
+        np.broadcast_shapes(*shapes)
+    except ValueError:
+        raise InputError(
+            f"phi, omega: shapes {', '.join(map(str, shapes))} can't be broadcast; give as many of each, or a grid: "
+            "phi[:, None] and omega[None, :]"
+        ) from None
+    return found
+
+
+def _between(low: float, high: float, given: ArrayLike, name: str, right: str) -> Array:
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {given!r:.40}: not numbers; {right}") from None
+    wrong = values[~((values > low) & (values < high))]
+    if wrong.size:
+        raise InputError(f"{name}: {wrong[0]:g} is out of range; {right}")
+    return values
 
 
 def state_at(problem: Problem, point: Point) -> States:

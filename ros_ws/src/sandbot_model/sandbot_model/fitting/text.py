@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from sandbot_common import terminal
+from sandbot_common.terminal import counted as counted
 from sandbot_model.physics.observables import CM
 
 UNKNOWN = "not known"
@@ -28,11 +29,6 @@ def probability(p: float) -> str:
     if not math.isfinite(p):
         return UNKNOWN
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
-
-
-def counted(number: int, noun: str) -> str:
-    """``1 cell``, ``2 cells``."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def to_error(value: float, error: float) -> str:

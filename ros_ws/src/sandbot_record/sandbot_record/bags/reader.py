@@ -17,6 +17,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 from sandbot_record.bags import columns, foreign, mcap_scan, metadata, video
 from sandbot_record.bags.definitions import Definitions
 from sandbot_record.bags.interfaces import JAZZY, Interface
@@ -102,11 +103,14 @@ class Bag:
         bag = cls(folder, files, info, {}, True, 0, 0, {}, {}, [])
         bag._survey()
         if strict and bag.problems:
-            raise InputError(
-                f"{path}: {bag.problems[0]}; bring back what is intact with: "
-                f"ros2 run sandbot_record recover {path} NEW_BAG"
-            )
+            raise InputError(f"{path}: {bag.problems[0]}; {bag.remedy}")
         return bag
+
+    @property
+    def remedy(self) -> str:
+        """What to do if there are problems."""
+        recover = f"bring back what is intact with: ros2 run sandbot_record recover {self.path} NEW_BAG"
+        return recover if self.count else "no message can be brought back"
 
     @property
     def count(self) -> int:
@@ -248,15 +252,18 @@ class Bag:
         for channel, number in zip(channels.tolist(), numbers.tolist(), strict=True):
             topic = definitions.topics.get(channel)
             if topic is None:
-                self.problems.append(f"damaged: {number} messages of unknown channel {channel}")
+                self.problems.append(f"damaged: {counted(number, 'message')} of unknown channel {channel}")
             else:
                 counts[topic.name] = counts.get(topic.name, 0) + number
 
     def _check_complete(self) -> None:
         for path in self.files:
-            if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
+            data = mapped(path)
+            if path.suffix == ".mcap" and not mcap_scan.finished(data):
                 self.complete = False
-                self.problems.insert(0, f"{path.name} is unfinished, its recording was cut off")
+                cut = mcap_scan.MAGIC.startswith(bytes(data[: len(mcap_scan.MAGIC)]))
+                what = "is unfinished, its recording was cut off" if cut else "neither begins nor ends as an MCAP file"
+                self.problems.insert(0, f"{path.name} {what}")
         if self.info is not None and self.complete and self.info.custom.get("state") == metadata.RECORDING:
             self.complete = False
             self.problems.insert(0, "metadata.yaml is unfinished, the recording was cut off")
@@ -266,13 +273,14 @@ class Bag:
         message. ``found``: messages in each file without other damage.
         """
         if self.info is not None and not self.problems and self.info.count != self.count:
-            self.miscounts.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
+            stated_in_all = counted(self.info.count, "message")
+            self.miscounts.append(f"metadata.yaml says {stated_in_all}, the files hold {self.count}")
         if not foreign.is_foreign(self.files[0], self.info):
             for file, number in found.items():
                 stated = mcap_scan.stated_count(mapped(self.files[file]))
                 if stated not in (None, number):
                     name = self.files[file].name
-                    self.miscounts.append(f"{name}: its summary says {stated} messages, it holds {number}")
+                    self.miscounts.append(f"{name}: its summary says {counted(stated, 'message')}, it holds {number}")
         self.problems += self.miscounts
 
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 from sandbot_record.bags import frames, video
 from sandbot_record.bags.video import VideoFile
 from sandbot_record.bags.writer import BagWriter
@@ -273,9 +274,11 @@ class Recording:
         ]
         what = f"{self.lost} lost ({', '.join(losses)})" if losses else "0 lost"
         heard = sum(tally.written > 0 for tally in self.tallies.values())
-        what += f", {len(self.refused)} topics not recorded ({', '.join(self.refused)})" if self.refused else ""
+        refused = f", {counted(len(self.refused), 'topic')} not recorded ({', '.join(self.refused)})"
+        what += refused if self.refused else ""
         ended = f"; stopped: {self.reason}" if self.reason else ""
-        return f"recorded {self.written} messages of {heard} topics to {self._writer.path}, {what}{ended}"
+        written = f"{counted(self.written, 'message')} of {counted(heard, 'topic')}"
+        return f"recorded {written} to {self._writer.path}, {what}{ended}"
 
     def _run(self) -> None:
         start = self._flushed_s = self._monotonic_s()

@@ -9,6 +9,7 @@ from pathlib import Path
 from mcap.records import Attachment, Metadata
 
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 from sandbot_record.bags import mcap_scan
 from sandbot_record.bags.definitions import Definitions
 from sandbot_record.bags.interfaces import CDR
@@ -53,9 +54,9 @@ class Recovery:
 
     def lines(self) -> list[str]:
         """One line for each topic, each known loss and each note."""
-        lines = [f"{name}: {count} messages back" for name, count in self.counts.items()]
+        lines = [f"{name}: {counted(count, 'message')} back" for name, count in self.counts.items()]
         lines += [
-            f"lost: {name}: {loss.count} messages from {_clock(loss.first_ns)} to {_clock(loss.last_ns)}"
+            f"lost: {name}: {counted(loss.count, 'message')} from {_clock(loss.first_ns)} to {_clock(loss.last_ns)}"
             for name, loss in self.losses.items()
         ]
         return lines + [f"lost: {note}" for note in self.notes]
@@ -163,8 +164,8 @@ def _count_lost(damage: Damage, definitions: Definitions, result: Recovery, file
         topic = definitions.topics.get(lost.channel)
         result.losses[topic.name if topic else f"channel {lost.channel}"].add(lost.count, lost.first_ns, lost.last_ns)
     if not damage.lost:
-        size = damage.end - damage.start
-        result.notes.append(f"{file}: {size} bytes at byte {damage.start} ({damage.reason}), after {_clock(last_ns)}")
+        size = counted(damage.end - damage.start, "byte")
+        result.notes.append(f"{file}: {size} at byte {damage.start} ({damage.reason}), after {_clock(last_ns)}")
 
 
 def _note_cut(bag: Bag, result: Recovery) -> None:

@@ -1,4 +1,4 @@
-"""info: what a bag holds, whether it is complete, and where it comes from."""
+"""info: what a bag holds, whether it is complete (exit code 1: unfinished or damaged), and where it comes from."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.video import VideoFrames, place
 
@@ -49,7 +50,7 @@ def describe(bag: Bag) -> str:
     if len(bag.problems) > 10:
         lines.append(f"{'':19}and {len(bag.problems) - 10} more")
     if bag.problems:
-        lines.append(f"{'':19}bring back what is intact with: ros2 run sandbot_record recover {bag.path} NEW_BAG")
+        lines.append(f"{'':19}{bag.remedy}")
     for name, values in bag.provenance.items():
         lines.append(f"Metadata:          {name}")
         lines += [f"{'':19}{key}: {_short(value)}" for key, value in values.items()]
@@ -66,7 +67,7 @@ def _film(bag: Bag, topic: str, file: Path) -> str:
         except InputError:
             gone += 1
     if gone:
-        bag.problems.append(f"{gone} frames of {file.name} are missing or damaged")
+        bag.problems.append(f"{file.name}: {counted(gone, 'frame')} missing or damaged")
     intact = bag.topics[topic].count - gone
     return f"Video:             {file.name} | {intact} frames intact, {gone} not | {_size(file.stat().st_size)}"
 

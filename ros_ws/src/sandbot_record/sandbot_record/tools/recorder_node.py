@@ -29,6 +29,7 @@ from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 from sandbot_common.node import Health, refuse_parameters, run
+from sandbot_common.terminal import counted
 from sandbot_common.timer import Timer
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
@@ -303,7 +304,7 @@ class Recorder(Node):
         if self._quiet_polls < (_SETTLED_UNHEARD if unheard else _SETTLED):
             return
         self._announced = True
-        print(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")
+        print(f"recording to {self._recording.path} ({counted(len(self._by_name) - 1, 'topic')})")
 
     def _figures(self) -> Mapping[str, object]:
         recording = self._recording

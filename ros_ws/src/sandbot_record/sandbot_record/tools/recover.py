@@ -5,6 +5,7 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -26,7 +27,8 @@ def _recover(argv: Sequence[str]) -> None:
         raise InputError(f"{options.new}: {error.strerror}") from None
     for line in result.lines():
         print(line)
-    print(f"{options.new}: {sum(result.counts.values())} messages, complete{' and nothing lost' * result.lossless}")
+    total = counted(sum(result.counts.values()), "message")
+    print(f"{options.new}: {total}, complete{' and nothing lost' * result.lossless}")
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import names_of, refuse_parameters, run
+from sandbot_common.terminal import counted
 from sandbot_common.timer import Timer
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
@@ -127,7 +128,7 @@ class Replay(Node):
 
     def last_line(self) -> str:
         """The summary line printed at the end: how many messages, and how late they were."""
-        replayed = f"replayed {self.published} messages"
+        replayed = f"replayed {counted(self.published, 'message')}"
         if self.missing:
             replayed += f", {self.missing} frames were not in their video"
         if not self._late_ns:
