@@ -158,7 +158,7 @@ CHANGED = {
     "without disturbed_ground": ({"disturbed_ground": None}, "simple", {"belly_coast", "slow_phase_speed"}),
     "without belly_coast": ({"belly_coast": None}, "simple", {"disturbed_ground", "slow_phase_speed"}),
     "with swimming_thrust": ({"swimming_thrust": {"a_m_s2": 0.45}}, "li09", {"swimming_thrust"}),
-    "with crater_refill": ({"crater_refill": {"z_0_m": 0.004}}, "li09", {"crater_refill"}),
+    "with crater_refill": ({"crater_refill": {"z0_m": 0.004}}, "li09", {"crater_refill"}),
     "with phi_dependent_response": ({"phi_dependent_response": {"b": -0.5}}, "li09", {"phi_dependent_response"}),
     "with exact_vertical_acceleration": ({"exact_vertical_acceleration": {}}, "li09", {"exact_vertical_acceleration"}),
     "with carried_momentum": ({"carried_momentum": {"chi_m": 0.15}}, "li09", {"carried_momentum"}),

@@ -66,7 +66,7 @@ def test_virgin_ground_forgets_nothing_it_was_not_told():
 
 
 def test_craters_refill():
-    track = ground(with_effect("crater_refill", z_0_m=0.01, tau_s=0.2))
+    track = ground(with_effect("crater_refill", z0_m=0.01, tau_s=0.2))
     track.disturb(0.3, 1.0)
     assert track.surface_m(0.3, 1.0) == pytest.approx(-0.01)
     assert track.surface_m(0.3, 1.2) == pytest.approx(-0.01 / np.e)

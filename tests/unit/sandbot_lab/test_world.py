@@ -105,18 +105,16 @@ def test_noise_scale_changes_nothing_else():
 def test_keys_of_earlier_versions_are_read_and_their_new_names_said(capsys):
     old = {
         "k_knots_n_m": [100.0, 110.0, 120.0],
-        "effects": {"disturbed_ground": {"k_l_n_m": 171.0}, "crater_refill": {"z0_m": 0.004}},
+        "effects": {"disturbed_ground": {"k_l_n_m": 171.0}},
         "robot": {"radius_m": 0.04, "mass_kg": 0.8, "swim_m_s": 0.03},
     }
     world = world_from_mapping(old, "w.yaml")
     assert world.k_knots_n_per_m == (100.0, 110.0, 120.0)
     assert world.effects["disturbed_ground"]["k_l_n_per_m"] == 171.0
-    assert world.effects["crater_refill"]["z_0_m"] == 0.004
     assert (world.body.leg_radius_m, world.body.mass_per_leg_kg, world.swim_m_s) == (0.04, 0.8, 0.03)
     assert capsys.readouterr().err.splitlines() == [
         "w.yaml: k_knots_n_m is now called k_knots_n_per_m",
         "w.yaml: k_l_n_m is now called k_l_n_per_m",
-        "w.yaml: z0_m is now called z_0_m",
         "w.yaml: radius_m is now called leg_radius_m",
         "w.yaml: mass_kg is now called mass_per_leg_kg",
         "w.yaml: robot: swim_m_s is now a key of the world itself, next to robot:",

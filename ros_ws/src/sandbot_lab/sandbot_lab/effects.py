@@ -56,7 +56,7 @@ EFFECTS: dict[str, Effect] = {
     "crater_refill": Effect(
         "a foothold leaves a crater that refills as exp(-t/tau): a lower surface for a foot within 1.2 R (Li09)",
         (
-            P("z_0_m", 0.010, 0.0, 0.015, "m", "depth of the fresh crater"),
+            P("z0_m", 0.010, 0.0, 0.015, "m", "depth of the fresh crater"),
             P("tau_s", 0.15, 0.02, 1.0, "s", "refill time"),
         ),
     ),

@@ -53,7 +53,7 @@ def surface(p: Any, s: Any, x: float, t: float) -> float:
     if p.crater_refill:
         for i in range(min(s.feet, s.foot_x.size)):
             if abs(x - s.foot_x[i]) < CRATER_REACH * p.radius:
-                lowest = min(lowest, -p.crater_refill_z_0_m * exp(-(t - s.foot_t[i]) / p.crater_refill_tau_s))
+                lowest = min(lowest, -p.crater_refill_z0_m * exp(-(t - s.foot_t[i]) / p.crater_refill_tau_s))
     return lowest
 
 

@@ -174,7 +174,7 @@ def _check_resistive(values: Mapping[str, Any], where: str) -> None:
         raise InputError(f"{where}: {ignored[0]}: means nothing on the ground of resistive:; leave it out")
 
 
-_OLD_NAMES = {"k_knots_n_m": "k_knots_n_per_m", "k_l_n_m": "k_l_n_per_m", "z0_m": "z_0_m"}
+_OLD_NAMES = {"k_knots_n_m": "k_knots_n_per_m", "k_l_n_m": "k_l_n_per_m"}
 _OLD_ROBOT = {"radius_m": "leg_radius_m", "mass_kg": "mass_per_leg_kg"}
 
 
@@ -242,7 +242,7 @@ _ARC_STIFFNESS = (105.0, 127.0, 136.0)
 
 # Effects that are identifiable in `li09_world.yaml`, as measured in docs/li09.md. Most are not: one per cent less of a
 # step ends all walking, and a change of the ground's strength alone is equivalent to another k(φ).
-_IDENTIFIABLE = {"swimming_thrust": {"a_m_s2": (0.42, 0.48)}, "crater_refill": {"z_0_m": (0.004, 0.006)}}
+_IDENTIFIABLE = {"swimming_thrust": {"a_m_s2": (0.42, 0.48)}, "crater_refill": {"z0_m": (0.004, 0.006)}}
 
 
 def draw_additional(world: World, seed: int) -> World:
