@@ -83,7 +83,6 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     return (
         *trials.unread,
         *_meant_ok(trials),
-        *_copied(used, values),
         *_fast(used),
         *_too_far(used, ratio),
         *_no_peaks(values),
@@ -199,20 +198,6 @@ def _impossible(used: Trials, observable: Observable, row: int, ratio: Floats) -
         f"({LIMITS[observable]}); is {frequency}the {observable.name.replace('_', ' ')} in {observable.readers_unit} "
         "(divided by 100), or is it another robot (--robot FILE.yaml)?"
     )
-
-
-def _copied(used: Trials, values: Floats) -> list[str]:
-    """Trials whose measurements agree to the last digit: with more than three digits that is not by chance."""
-    seen: dict[tuple[float, ...], str] = {}
-    copies = []
-    for name, row in zip(used.trial_id.tolist(), values.tolist(), strict=True):
-        measured = tuple(value for value in row if np.isfinite(value))
-        if len(measured) < 2 and not any(len(f"{abs(value):.12g}".strip("0.")) > 4 for value in measured):
-            continue
-        if measured in seen:
-            copies.append(f"{name} = {seen[measured]}")
-        seen.setdefault(measured, name)
-    return [f"{len(copies)} trials are copies of others: {_listed(copies)}"] if copies else []
 
 
 def _too_far(used: Trials, ratio: Floats) -> list[str]:
