@@ -132,7 +132,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     base = fits[()]
     if np.isnan(base.lack_of_fit_p):
         return Verdict(
-            "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
+            "untested", (), (), "no more cell means than parameters of the base model: nothing is left to test"
         )
     # Implausible parameters count here: they bar a claim, but the misfit that they repair is real.
     helpful = [key for key in fits if len(key) == 1 and gains_enough(fits, key, (), criteria)]
