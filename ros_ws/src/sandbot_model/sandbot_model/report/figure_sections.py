@@ -12,8 +12,16 @@ from sandbot_record.trials.table import Trials
 def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
     """Every figure possible with the observables measured, in reading order."""
     cells = steps[0].fit.cells
+    lock = [Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))]
+    lock = lock if {"speed", "lift"} <= set(cells.observables) else []
+    if missing := next((step.fit.undetermined for step in steps if step.fit.undetermined), ""):
+        line = f"{missing}: figures of the model are left out."
+        return [
+            Section("speed", "Speed against leg frequency", text=(line,), figures=(_measured_speed_figure(steps[0]),)),
+            *lock,
+        ]
     omega = captions.worst_frequency(steps[0].fit)
-    sections = [
+    return [
         Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
         Section(
             "residuals",
@@ -24,11 +32,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
         Section(
             "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
         ),
-    ]
-    if {"speed", "lift"} <= set(cells.observables):
-        lock = Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))
-        sections.append(lock)
-    sections += [
+        *lock,
         Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
         Section("step", "Step length", figures=(_step_figure(steps),)),
         Section(
@@ -36,7 +40,6 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             figures=(_balance_figure(steps, omega),),
         ),
     ]  # fmt: skip
-    return sections
 
 
 def _speed_figure(steps: tuple[Step, ...]) -> Figure:
@@ -45,6 +48,15 @@ def _speed_figure(steps: tuple[Step, ...]) -> Figure:
         alt=tuple(captions.speed(step) for step in steps),
         caption=captions.HOW_TO_READ["speed"],
         draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
+    )
+
+
+def _measured_speed_figure(step: Step) -> Figure:
+    return Figure(
+        name="speed",
+        alt=(captions.measured_speed(step.fit.cells),),
+        caption=captions.POINTS,
+        draw=lambda theme: [figures.measured_speed(step, theme)],
     )
 
 
@@ -58,8 +70,8 @@ def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
 
 
 def run_order_section(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
-    """Residuals in run order; no section where too few trials have a known place."""
-    if not run_order.drawable(trials, steps[-1].fit):
+    """Residuals in run order; none where too few trials have a known place, or the model is not determined."""
+    if steps[-1].fit.undetermined or not run_order.drawable(trials, steps[-1].fit):
         return []
     figure = Figure(
         name="run-order",

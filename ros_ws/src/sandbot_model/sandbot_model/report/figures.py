@@ -54,6 +54,16 @@ def speed(
     return spec
 
 
+def measured_speed(step: Step, theme: Theme = LIGHT) -> Spec:
+    """The same without the model."""
+    cells = step.fit.cells
+    colours, spec = theme.phi_colours(len(cells.level_phi)), speed_panels([step], theme)
+    for i, band in enumerate(bands(cells)):
+        spec["data"] += in_panel(i, [points(cells, band, colours[band.level], theme)])
+    spec["data"].append(_measured_entry(theme))
+    return spec
+
+
 def speed_panels(steps: Sequence[Step], theme: Theme, columns: int = 4) -> Spec:
     """Empty panels, one per φ, with axes that span the measured and all modelled speeds."""
     cells = steps[0].fit.cells
@@ -112,7 +122,7 @@ def legend_entry(name: str, **looks: Any) -> Spec:
 def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
     """Entries in ink, since colours encode φ."""
     entries = [
-        legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8}),
+        _measured_entry(theme),
         legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
     ]
     if with_band:
@@ -122,6 +132,10 @@ def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) 
         ghost = {"color": theme.faint, "width": 1.5, "dash": "dash"}
         entries.append(legend_entry(model_name(base), mode="lines", line=ghost))
     return entries
+
+
+def _measured_entry(theme: Theme) -> Spec:
+    return legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8})
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
