@@ -69,6 +69,15 @@ def test_a_few_below_0_and_swimmers_about_0_are_no_runs_back():
     checked(replace(CLEAN, speed_m_s=stuck, peak_speed_m_s=np.abs(CLEAN.peak_speed_m_s)))
 
 
+def test_an_error_bar_of_0_is_named_where_it_would_be_used():
+    means = replace(
+        CLEAN, replicate=np.full(len(CLEAN), np.nan), speed_sd_m_s=np.where(np.arange(len(CLEAN)), 0.004, 0.0)
+    )
+    (note,) = checked(means)
+    assert note == f"1 speed_sd_m_s is 0 and counts as not given: {CLEAN.trial_id[0]}"
+    assert checked(replace(means, replicate=CLEAN.replicate)) == ()
+
+
 def test_a_status_that_may_mean_ok_is_named():
     def of_status(word):
         return replace(CLEAN, status=np.where(np.arange(len(CLEAN)) < 2, word, CLEAN.status))

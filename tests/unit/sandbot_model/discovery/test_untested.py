@@ -139,7 +139,9 @@ def test_the_gross_miss_is_that_of_the_f_test():
 def test_error_bars_of_a_figure_are_pure_error():
     cells = cells_of(as_figure(rows(null_world()), 0.005))
     assert noise_floor(cells)["speed"] == pytest.approx(0.005, rel=0.2)
-    assert of_the_base_model(cells) == "adequate"
+    verdict = judge({(): fit(SIMPLE, cells)})
+    assert verdict.status == "adequate"
+    assert "misses the cell means by no more than the error bars (" in verdict.because
     assert of_the_base_model(cells_of(as_figure(rows(DISTURBED), 0.005))) == "unexplained"
 
 
@@ -169,3 +171,4 @@ def test_whatever_gives_too_few_degrees_of_freedom_is_named(source):
 def test_where_speed_is_replicated_the_replicates_speak():
     found = from_rows([replace(row, speed_sd_m_s=0.05) for row in rows(null_world(), 3)])
     assert noise_floor(cells_of(found))["speed"] < 0.01
+    assert cells_of(found).pure_error_from == "replicates"

@@ -308,6 +308,26 @@ def test_thin_data_give_a_page_that_says_what_it_can_not_show(tmp_path, argument
     assert absent is None or absent not in figures
 
 
+@pytest.mark.parametrize("replicates", [1, 2])
+def test_a_page_of_means_with_error_bars_speaks_of_no_replicates(tmp_path, replicates):
+    """Control: without error bars the page speaks of replicates."""
+    trials = made_up_trials(replicates=replicates, columns=("speed_m_s",))
+    if replicates == 1:
+        none = np.full(len(trials), np.nan)
+        trials = replace(trials, replicate=none, speed_sd_m_s=np.full(len(trials), 0.005))
+    path = tmp_path / "bars.html"
+    write_comparison(path, compare(cells_of(trials), EFFECTS, []), trials, title="bars")
+    page = without_plotly(path.read_text(encoding="utf-8"))
+    of_replicates = replicates > 1
+    assert (
+        ("replicates" in page)
+        == ("s.d. of a trial" in page)
+        == ("deviation of a single trial" in page)
+        == of_replicates
+    )
+    assert ("error bars" in page) == ("r.m.s. of the error bars" in page) != of_replicates
+
+
 MODELLED = {"residuals-speed", "ladder", "collapse", "step", "balance", "run-order"}
 
 

@@ -87,6 +87,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
         *_too_far(used, ratio),
         *_no_peaks(values),
         *_zeros(values),
+        *_zero_error_bars(used),
         *_no_levels(used),
         *_far_out(used, values, cell),
         *_coarse(values, cell),
@@ -221,6 +222,14 @@ def _zeros(values: Floats) -> list[str]:
                 "if not measured, leave them empty"
             )
     return found
+
+
+def _zero_error_bars(used: Trials) -> list[str]:
+    """Error bars of 0 in rows that are means."""
+    none = (used.speed_sd_m_s == 0) & ~np.isfinite(used.replicate)
+    names = _listed(used.trial_id[none].tolist())
+    are = "1 speed_sd_m_s is 0 and counts" if none.sum() == 1 else f"{none.sum()} speed_sd_m_s are 0 and count"
+    return [f"{are} as not given: {names}"] if none.any() else []
 
 
 def _no_levels(used: Trials) -> list[str]:

@@ -29,7 +29,7 @@ def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
     if known and (passing := undetected_miss(known, criteria)) <= criteria.gross:
         return None
     what = (
-        f"{'replicates' if (cells.n > 1).any() else 'error bars'} give {counted(known, 'degree')} of freedom of pure "
+        f"{cells.pure_error_from} give {counted(known, 'degree')} of freedom of pure "
         f"error, on which a model that misses every cell mean by {passing:.0f} standard errors would pass"
         if known
         else f"{_no_replicates(cells)}, so pure error is unknown and nothing can be tested"

@@ -35,6 +35,29 @@ HOW_TO_READ = {
 """Figure → how to read it."""
 
 
+_OF_ERROR_BARS = {
+    POINTS: "Points: means as given, bars the r.m.s. of the error bars given.",
+    "scatter of replicates": "r.m.s. of the error bars given",
+}
+"""What is said instead if error bars are the pure error."""
+
+
+def how_to_read(figure: str, cells: Cells) -> str:
+    """How to read a figure of these cells."""
+    return _by_source(HOW_TO_READ[figure], cells)
+
+
+def points(cells: Cells) -> str:
+    """What measured points and their bars are."""
+    return _by_source(POINTS, cells)
+
+
+def _by_source(found: str, cells: Cells) -> str:
+    for words, instead in _OF_ERROR_BARS.items() if cells.error_bars else ():
+        found = found.replace(words, instead)
+    return found
+
+
 def speed(step: Step) -> str:
     """Where mean speed is largest, and where the model's error is largest."""
     cells, seen = step.fit.cells, measured(step.fit.cells, "speed")

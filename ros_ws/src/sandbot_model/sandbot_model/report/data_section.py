@@ -40,7 +40,8 @@ def _cell_table(steps: tuple[Step, ...]) -> Table:
         head.append(f"speed, {step.label} (cm/s)")
         columns.append([text.centi(value) for value in step.fit.predicted[:, Observable.speed]])
     rows = list(zip(*columns, strict=True))
-    caption = "All cells, by the φ of their level: mean ± standard deviation of a single trial"
+    spread = "error bars (r.m.s.)" if cells.error_bars else "standard deviation of a single trial"
+    caption = f"All cells, by the φ of their level: mean ± {spread}"
     caption += ", and the modelled speed" if determined else ""
     return Table(caption, tuple(head), rows, (False,) * len(head), folded=True)
 

@@ -46,7 +46,7 @@ def _speed_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="speed",
         alt=tuple(captions.speed(step) for step in steps),
-        caption=captions.HOW_TO_READ["speed"],
+        caption=captions.how_to_read("speed", steps[0].fit.cells),
         draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
     )
 
@@ -55,7 +55,7 @@ def _measured_speed_figure(step: Step) -> Figure:
     return Figure(
         name="speed",
         alt=(captions.measured_speed(step.fit.cells),),
-        caption=captions.POINTS,
+        caption=captions.points(step.fit.cells),
         draw=lambda theme: [figures.measured_speed(step, theme)],
     )
 
@@ -86,13 +86,13 @@ def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
     return Figure(
         name="ladder",
         alt=(captions.ladder(steps, floor),),
-        caption=captions.HOW_TO_READ["ladder"],
+        caption=captions.how_to_read("ladder", steps[0].fit.cells),
         draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
     )
 
 
 def _errors(steps: tuple[Step, ...]) -> Table:
-    """Error per observable, in and out of sample, for each step, with the noise floor of the replicates."""
+    """Error per observable, in and out of sample, for each step, with the noise floor."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)
     head = [
@@ -111,8 +111,8 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Lack of fit: how often scatter of the replicates alone would "
-        "give a misfit as large."
+        "Error in sample / out of sample, per observable. Lack of fit: how often pure error alone would give a misfit "
+        "as large."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 

@@ -20,6 +20,7 @@ from sandbot_model.report.view import (
     Step,
     bands,
     measured,
+    measured_name,
     readable,
     scatter,
 )
@@ -60,7 +61,7 @@ def measured_speed(step: Step, theme: Theme = LIGHT) -> Spec:
     colours, spec = theme.phi_colours(len(cells.level_phi)), speed_panels([step], theme)
     for i, band in enumerate(bands(cells)):
         spec["data"] += in_panel(i, [points(cells, band, colours[band.level], theme)])
-    spec["data"].append(_measured_entry(theme))
+    spec["data"].append(_measured_entry(cells, theme))
     return spec
 
 
@@ -122,7 +123,7 @@ def legend_entry(name: str, **looks: Any) -> Spec:
 def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
     """Entries in ink, since colours encode φ."""
     entries = [
-        _measured_entry(theme),
+        _measured_entry(step.fit.cells, theme),
         legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
     ]
     if with_band:
@@ -134,8 +135,8 @@ def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) 
     return entries
 
 
-def _measured_entry(theme: Theme) -> Spec:
-    return legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8})
+def _measured_entry(cells: Cells, theme: Theme) -> Spec:
+    return legend_entry(measured_name(cells), mode="markers", marker={"color": theme.ink, "size": 8})
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
