@@ -69,15 +69,13 @@ def test_a_few_below_0_and_swimmers_about_0_are_no_runs_back():
     checked(replace(CLEAN, speed_m_s=stuck, peak_speed_m_s=np.abs(CLEAN.peak_speed_m_s)))
 
 
-def test_copies_are_named():
-    row = {name: getattr(CLEAN, name)[3] for name in ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")}
-    copied = CLEAN
-    for name, value in row.items():
-        column = getattr(copied, name).copy()
-        column[4] = value
-        copied = replace(copied, **{name: column})
-    (note,) = checked(copied)
-    assert f"{CLEAN.trial_id[4]} = {CLEAN.trial_id[3]}" in note
+def test_an_error_bar_of_0_is_named_where_it_would_be_used():
+    means = replace(
+        CLEAN, replicate=np.full(len(CLEAN), np.nan), speed_sd_m_s=np.where(np.arange(len(CLEAN)), 0.004, 0.0)
+    )
+    (note,) = checked(means)
+    assert note == f"1 speed_sd_m_s is 0 and counts as not given: {CLEAN.trial_id[0]}"
+    assert checked(replace(means, replicate=CLEAN.replicate)) == ()
 
 
 def test_a_status_that_may_mean_ok_is_named():

@@ -41,7 +41,12 @@ def made(
         fails=(),
         level_phi=np.array([0.6]),
         cells=SimpleNamespace(
-            pressed=None, pure_error_dof=np.full(4, replicates), phi=np.full(CELLS, 0.6), omega=np.full(CELLS, 8.0)
+            pressed=None,
+            pure_error_dof=np.full(4, replicates),
+            pure_error_from="replicates",
+            error_bars=False,
+            phi=np.full(CELLS, 0.6),
+            omega=np.full(CELLS, 8.0),
         ),
         state=SimpleNamespace(cell_deviance=parts[None], pressed=np.zeros((1, 0)), shared=np.zeros((1, 0))),
     )

@@ -79,6 +79,28 @@ def test_every_plate_of_a_table(material, tmp_path):
 
 
 @pytest.mark.slow
+def test_no_plate_shows_a_model_that_the_data_do_not_determine(tmp_path):
+    """Two cell means: once Δt = 0.21 s was printed of them."""
+    trials = from_rows([Row(f"{n}", phi, omega_rad_s=omega, speed_m_s=speed) for n, (phi, omega, speed) in enumerate(
+        [(0.633, 16.0, 0.203), (0.633, 16.0, 0.198), (0.6, 12.0, 0.11)])])  # fmt: skip
+    thin = collect.collect(trials, [fit(model_of("simple", (), catalogue()), cells_of(trials))], {})
+    said = {plate.number: caption for plate, caption in write(tmp_path, thin, formats=("svg",))}
+    of_data = {"3b", "3d"}
+    assert {path.stem[3:5] for path in tmp_path.glob("*.svg")} == of_data
+    assert all(
+        "not drawn: 2 cell means can't determine 4 parameters" in said[n] for n in said.keys() - of_data - WITH_BAGS
+    )
+
+
+def test_where_only_the_papers_fit_is_not_determined_its_dashes_are_left_out(material, tmp_path):
+    few = cells_of(from_rows([Row("a", 0.6, omega_rad_s=8.0, speed_m_s=0.1)]))
+    thin = Material(**{**vars(material), "simple": fit(model_of("simple", (), catalogue()), few)})
+    said = {plate.number: caption for plate, caption in write(tmp_path, thin, formats=("svg",))}
+    assert "grey dashes" not in said["2a"]
+    assert "not drawn" not in said["2a"]
+    assert "not drawn" in said["4b"]
+
+
 def test_two_processes_draw_what_one_draws(material, tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()

@@ -213,7 +213,7 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     step = steps(discovery.steps)[0]
     cells = replace(step.fit.cells, phi=step.fit.cells.phi + 0.002)
     missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0, 1)
-    kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model")}
+    kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model", "undetermined")}
     fit = SimpleNamespace(cells=cells, fails=(missed,), **kept)
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
     levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
@@ -306,6 +306,44 @@ def test_thin_data_give_a_page_that_says_what_it_can_not_show(tmp_path, argument
     figures = figures_of(page)
     assert "speed" in figures
     assert absent is None or absent not in figures
+
+
+@pytest.mark.parametrize("replicates", [1, 2])
+def test_a_page_of_means_with_error_bars_speaks_of_no_replicates(tmp_path, replicates):
+    """Control: without error bars the page speaks of replicates."""
+    trials = made_up_trials(replicates=replicates, columns=("speed_m_s",))
+    if replicates == 1:
+        none = np.full(len(trials), np.nan)
+        trials = replace(trials, replicate=none, speed_sd_m_s=np.full(len(trials), 0.005))
+    path = tmp_path / "bars.html"
+    write_comparison(path, compare(cells_of(trials), EFFECTS, []), trials, title="bars")
+    page = without_plotly(path.read_text(encoding="utf-8"))
+    of_replicates = replicates > 1
+    assert (
+        ("replicates" in page)
+        == ("s.d. of a trial" in page)
+        == ("deviation of a single trial" in page)
+        == of_replicates
+    )
+    assert ("error bars" in page) == ("r.m.s. of the error bars" in page) != of_replicates
+
+
+MODELLED = {"residuals-speed", "ladder", "collapse", "step", "balance", "run-order"}
+
+
+@pytest.mark.parametrize("omegas", [(10,), (4, 10, 16, 22)], ids=["one omega", "control"])
+def test_what_the_data_do_not_determine_is_not_shown(tmp_path, omegas):
+    """Three or twelve cell means for five parameters; measured speeds are shown in any case."""
+    trials = made_up_trials(omegas=omegas, columns=("speed_m_s",))
+    fits = compare(cells_of(trials), EFFECTS, [])
+    path = tmp_path / "few.html"
+    write_comparison(path, fits, trials, title="few")
+    page, few = path.read_text(encoding="utf-8"), len(omegas) == 1
+    assert ("3 cell means can't determine 5 parameters: " in page.replace("&#39;", "'")) == few
+    assert "speed" in figures_of(page)
+    assert (not MODELLED & set(figures_of(page))) == few
+    for said in ("modelled", "misses most", "Correlations of the errors", "Missed most"):
+        assert (said not in without_plotly(page)) == few, said
 
 
 def test_nan_rows_leave_a_page_without_nan(tmp_path, trials):

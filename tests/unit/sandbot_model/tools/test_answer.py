@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from sandbot_common import terminal
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
@@ -29,6 +31,7 @@ from sandbot_model.report import figure_sections, rivals
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
+from sandbot_record.trials.table import Row, from_rows
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "demo_trials.csv"
 FEW = ("--workers", "1", "--max-effects", "1")
@@ -169,6 +172,20 @@ def test_what_cannot_be_told_is_not_printed(content, tool, printed, tmp_path):
     assert "missed by more" not in out
     assert ("noise floor" in out) == (content == ONE_CELL)
     assert ("replicates scatter by" in out) == (content == ONE_CELL)
+
+
+@pytest.mark.parametrize("bars", [True, False], ids=["error bars", "replicates"])
+def test_what_gives_the_noise_is_named(bars):
+    count = 1 if bars else 3
+    rows = [
+        Row(**row) for row in direct_trials(null_world(), [0.6, 0.62, 0.633], [4.0, 8.0, 12.0, 16.0], replicates=count)
+    ]
+    if bars:
+        none = {name: float("nan") for name in ("replicate", "lift_m", "peak_speed_m_s", "first_step_m")}
+        rows = [replace(row, speed_sd_m_s=0.05, **none) for row in rows]
+    told = answer.of_comparison([fit(model_of("simple", (), {}), cells_of(from_rows(rows)))])
+    assert ("; error bars of 5.0 cm/s" in told) == ("holds: error bars leave nothing to explain" in told) == bars
+    assert ("replicates scatter by" in told) == ("holds: replicates leave nothing to explain" in told) != bars
 
 
 def test_of_a_class_the_class_is_said_and_not_its_first(two):

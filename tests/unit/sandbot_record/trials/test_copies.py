@@ -42,7 +42,7 @@ def test_of_a_table_that_was_pasted_several_times_each_trial_counts_once(how, ti
     found, said = mark_copies(pasted(rows, times))
     counted = [replace(row, trial_id=row.trial_id[:-2]) for row in found if row.status == "ok"]
     assert sorted(counted, key=str) == sorted(rows, key=str)
-    assert said == [f"{(times - 1) * len(rows)} trials are exact copies of others and are counted once"]
+    assert said[0].startswith(f"{(times - 1) * len(rows)} trials are exact copies of others and counted once: ")
 
 
 def test_a_single_copy_is_known_by_its_many_digits_whatever_else_is_said_of_it():
@@ -52,7 +52,7 @@ def test_a_single_copy_is_known_by_its_many_digits_whatever_else_is_said_of_it()
     found, said = mark_copies([*rows, again])
     assert found[:-1] == rows
     assert found[-1].status == f"a copy of {rows[2].trial_id}"
-    assert said == ["1 trials are exact copies of others and are counted once"]
+    assert said == [f"1 trial is an exact copy of another and counted once: again = {rows[2].trial_id}"]
 
 
 def test_a_metre_by_the_stopwatch_has_many_digits_and_is_no_copy():
@@ -72,6 +72,43 @@ def test_where_rounding_hides_all_scatter_nobody_knows():
     assert copies(pasted(table(decimals=2, replicates=1))) == []
 
 
+SIX_PHI = (0.58, 0.59, 0.6, 0.61, 0.62, 0.63)
+
+
+@pytest.mark.parametrize("missed", [0.0, 4e-4])
+@pytest.mark.parametrize("seed", range(5))
+def test_of_a_few_rows_pasted_again_each_counts_once_although_rounded(seed, missed):
+    rows = [replace(row, phi=round(row.phi, 4)) for row in table(seed, phi=SIX_PHI, decimals=4, missed=missed)]
+    again = [replace(row, trial_id=f"again{n}") for n, row in enumerate(rows[3:18])]
+    assert copies([*rows, *again]) == [row.trial_id for row in again]
+
+
+def test_of_rows_in_which_little_is_measured_those_in_between_are_copies_too():
+    """A robot that does not lift itself has a lift of 0 in each replicate, and hardly moves."""
+    stuck = table(phi=(0.57,), decimals=2, scatter=0.0, replicates=3)
+    rows = [*table(phi=SIX_PHI[:3], decimals=4), *stuck, *table(phi=SIX_PHI[3:], decimals=4)]
+    again = [replace(row, trial_id=f"again{n}") for n, row in enumerate(rows[6:30])]
+    assert copies([*rows, *again]) == [row.trial_id for row in again]
+    assert copies([*rows, *(replace(row, trial_id=f"again{row.trial_id}") for row in stuck)]) == []
+
+
+@pytest.mark.parametrize("scatter", [0.0, 3e-4])
+@pytest.mark.parametrize("replicates", [2, 3, 6])
+def test_days_on_one_plan_of_which_many_rows_agree_are_no_copies(replicates, scatter):
+    """A robot that repeats itself better than the speeds are rounded: each day is as a copy of the day before."""
+    days = [table(day, phi=SIX_PHI, decimals=3, replicates=1, scatter=scatter) for day in range(replicates)]
+    changed = replace(days[0][0], trial_id="first", speed_m_s=0.123)
+    assert copies([changed, *(row for day in days for row in day)]) == []
+
+
+def test_rows_of_different_conditions_are_copies_only_by_their_many_digits():
+    rows = [replace(row, lift_m=0.0) for row in table(phi=SIX_PHI, decimals=4)]
+    elsewhere = [replace(row, trial_id=f"else{n}", phi=row.phi + 0.005) for n, row in enumerate(rows[3:18])]
+    assert copies([*rows, *elsewhere]) == []
+    rows = [replace(row, lift_m=row.speed_m_s / 7) for row in table()]
+    assert copies([*rows, replace(rows[4], trial_id="else", omega_rad_s=20.0)]) == ["else"]
+
+
 def test_trials_that_failed_alike_are_no_copies():
     rows = [replace(row, speed_m_s=math.nan, status="no markers") for row in pasted(table())]
     assert mark_copies(rows) == (rows, [])
@@ -84,5 +121,5 @@ def test_by_either_door(tmp_path):
     frame.to_csv(tmp_path / "t.csv", index=False)
     for trials in (read(tmp_path / "t.csv"), from_frame(frame)):
         assert (len(trials), int(trials.usable.sum())) == (24, 12)
-        assert trials.unread == ("12 trials are exact copies of others and are counted once",)
+        assert trials.unread[0].startswith("12 trials are exact copies of others and counted once: row14 = row2, ")
         assert trials.status[12] == "a copy of row2"

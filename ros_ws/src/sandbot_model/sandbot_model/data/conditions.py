@@ -64,6 +64,8 @@ class Cells:
     """How well it was measured."""
     bars_of_trials: bool = False
     """Whether there are error bars of single trials, which do not give pure error (see ``stated_error``)."""
+    error_bars: bool = False
+    """Whether pure error is that of the error bars given, and not the scatter of replicates."""
     batch_share: Floats | None = field(
         default=None,
         metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is named"},
@@ -80,6 +82,11 @@ class Cells:
     def observables(self) -> tuple[str, ...]:
         """The observables measured in at least one cell."""
         return tuple(observable.name for observable in Observable if np.isfinite(self.mean[:, observable]).any())
+
+    @property
+    def pure_error_from(self) -> str:
+        """What gives the pure error, in words: ``replicates`` or ``error bars``."""
+        return "error bars" if self.error_bars else "replicates"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -197,9 +204,9 @@ def _gather(
     values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
-    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual, rounding)
+    of_replicates = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
-    error = with_stated(error, cells.mean(stated_variance(stated, slope)))
+    error = with_stated(of_replicates, cells.mean(stated_variance(stated, slope)))
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     names = tuple(np.unique(gait)[keys[1]].tolist())
@@ -223,6 +230,7 @@ def _gather(
         own_scatter=error.own,
         trials=len(phi),
         excluded=excluded,
+        error_bars=error is not of_replicates,
         batch_share=share,
         batch_mean=by_batch,
         order=_run_position(order, cells),

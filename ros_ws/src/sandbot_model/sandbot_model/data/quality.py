@@ -83,11 +83,11 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     return (
         *trials.unread,
         *_meant_ok(trials),
-        *_copied(used, values),
         *_fast(used),
         *_too_far(used, ratio),
         *_no_peaks(values),
         *_zeros(values),
+        *_zero_error_bars(used),
         *_no_levels(used),
         *_far_out(used, values, cell),
         *_coarse(values, cell),
@@ -201,20 +201,6 @@ def _impossible(used: Trials, observable: Observable, row: int, ratio: Floats) -
     )
 
 
-def _copied(used: Trials, values: Floats) -> list[str]:
-    """Trials whose measurements agree to the last digit: with more than three digits that is not by chance."""
-    seen: dict[tuple[float, ...], str] = {}
-    copies = []
-    for name, row in zip(used.trial_id.tolist(), values.tolist(), strict=True):
-        measured = tuple(value for value in row if np.isfinite(value))
-        if len(measured) < 2 and not any(len(f"{abs(value):.12g}".strip("0.")) > 4 for value in measured):
-            continue
-        if measured in seen:
-            copies.append(f"{name} = {seen[measured]}")
-        seen.setdefault(measured, name)
-    return [f"{len(copies)} trials are copies of others: {_listed(copies)}"] if copies else []
-
-
 def _too_far(used: Trials, ratio: Floats) -> list[str]:
     """Values beyond the kinematic limit, where most of the column are within it."""
     found = []
@@ -236,6 +222,14 @@ def _zeros(values: Floats) -> list[str]:
                 "if not measured, leave them empty"
             )
     return found
+
+
+def _zero_error_bars(used: Trials) -> list[str]:
+    """Error bars of 0 in rows that are means."""
+    none = (used.speed_sd_m_s == 0) & ~np.isfinite(used.replicate)
+    names = _listed(used.trial_id[none].tolist())
+    are = "1 speed_sd_m_s is 0 and counts" if none.sum() == 1 else f"{none.sum()} speed_sd_m_s are 0 and count"
+    return [f"{are} as not given: {names}"] if none.any() else []
 
 
 def _no_levels(used: Trials) -> list[str]:

@@ -50,7 +50,7 @@ from sandbot_model.discovery.sharing import (
 )
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
-from sandbot_model.discovery.untested import repeats, untested
+from sandbot_model.discovery.untested import to_run, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -212,7 +212,7 @@ def _discovered(
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
-    preset = _robot_in_doubt(doubted) if doubted else untested(cells, criteria)
+    preset = _robot_in_doubt(doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
@@ -285,7 +285,7 @@ def _hidden_and_next_trials(search: EffectSearch, verdict: Verdict, named: Fit) 
     if hidden := unseen(search, named) if verdict.status == "adequate" else []:
         return hidden, trials_to_exclude(search.fits[()], hidden)
     if verdict.status == "untested":
-        return [], repeats(search.cells)
+        return [], to_run(search.cells, search.model(()))
     return [], next_trials([search.fits[names] for names in verdict.alternatives])
 
 

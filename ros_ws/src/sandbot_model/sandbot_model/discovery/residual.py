@@ -188,7 +188,7 @@ def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criter
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
-        f"{scored}and replicates {left} "
+        f"{scored}and {fit.cells.pure_error_from} {left} "
         f"(p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:

@@ -1,32 +1,58 @@
-"""Whether pure error is known well enough to test a model at all, decided before any search."""
+"""Whether the data can test a model at all, decided before any search: enough cell means, pure error known."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_model.data.clustering import OMEGA_TOLERANCE
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.next_trials import NextTrial, known_gait
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.text import counted
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.model import Model
 
 CONDITIONS, MORE = 6, 2
-"""Conditions to repeat, and replicates to add at each: pure error then has twelve degrees of freedom."""
+"""Conditions to repeat or to add, and degrees of freedom of pure error that each of them gives."""
 
 
-def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
-    """The verdict ``untested`` if a gross lack of fit would pass the test; None if the data can refuse a model."""
+def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
+    """The verdict ``untested`` if the cell means can't test the model, or a gross lack of fit would pass the test; None
+    if the data can refuse a model."""
     known = int(cells.pure_error_dof.max())
+    if missing := _missing_means(cells, model):
+        means, unknowns = counted(_means(cells), "cell mean"), counted(_unknowns(cells, model), "parameter")
+        where = f"{max(CONDITIONS, missing)} new conditions"
+        return _verdict(f"{means} can't test the {unknowns} of the base model; {MORE + 1} trials at each of {where}")
     if known and (passing := undetected_miss(known, criteria)) <= criteria.gross:
         return None
     what = (
-        f"{'replicates' if (cells.n > 1).any() else 'error bars'} give {counted(known, 'degree')} of freedom of pure "
+        f"{cells.pure_error_from} give {counted(known, 'degree')} of freedom of pure "
         f"error, on which a model that misses every cell mean by {passing:.0f} standard errors would pass"
         if known
         else f"{_no_replicates(cells)}, so pure error is unknown and nothing can be tested"
     )
-    where = counted(min(CONDITIONS, len(cells)), "condition")
-    more = f"{MORE} more trials at each of {where} would do (next trials)"
-    return Verdict("untested", (), (), f"{what}; {more}")
+    return _verdict(f"{what}; {MORE} more trials at each of {counted(min(CONDITIONS, len(cells)), 'condition')}")
+
+
+def _verdict(why: str) -> Verdict:
+    return Verdict("untested", (), (), f"{why} would do (next trials)")
+
+
+def _missing_means(cells: Cells, model: Model) -> int:
+    """Cell means without which no degree of freedom is left to test the model."""
+    return max(0, _unknowns(cells, model) + 1 - _means(cells))
+
+
+def _means(cells: Cells) -> int:
+    """Cell means and penetrometer readings."""
+    return int(np.isfinite(cells.mean).sum()) + len(cells.pressed or ())
+
+
+def _unknowns(cells: Cells, model: Model) -> int:
+    return len(model.parameters) - len(model.held) + len(cells.level_phi)
 
 
 def _no_replicates(cells: Cells) -> str:
@@ -53,25 +79,65 @@ def undetected_miss(known: int, criteria: Criteria) -> float:
     return float(np.sqrt(known / chi2_ppf(criteria.lack_of_fit, known)))
 
 
+def to_run(cells: Cells, model: Model) -> list[NextTrial]:
+    """The trials by which the model can be tested: new conditions if it has too few cell means, else repetitions."""
+    missing = _missing_means(cells, model)
+    return _new_conditions(cells, max(CONDITIONS, missing)) if missing else repeats(cells)
+
+
 def repeats(cells: Cells) -> list[NextTrial]:
     """Conditions to repeat, spread as widely as possible over φ and ω."""
-    at = np.stack([cells.phi, cells.omega], axis=-1)
+    at = _conditions(cells)
+    first = int(np.argmin(_scaled(at).sum(axis=1)))
+    chosen = [first, *_farthest(at, [first], min(CONDITIONS, len(cells)) - 1)]
+    return [_trial(at[cell], MORE, cells.gait[cell]) for cell in sorted(chosen)]
+
+
+def _new_conditions(cells: Cells, count: int) -> list[NextTrial]:
+    """So many conditions at the same φ and other ω of the same range; if that is too narrow, of half to all of ω."""
+    run, low, high, grid_size = _conditions(cells), cells.omega.min(), cells.omega.max(), 2 * count
+    wide = high - low > grid_size * OMEGA_TOLERANCE * high
+    omega = np.round(np.linspace(low if wide else high / 2, high, grid_size), 2)
+    grid = np.stack(np.meshgrid(cells.level_phi, omega, indexing="ij"), axis=-1).reshape(-1, 2)
+    chosen = _farthest(at := np.concatenate([run, grid]), list(range(len(run))), count)
+    nearest = {one: int(np.argmin(_distance(at, [one])[: len(run)])) for one in chosen}
+    return [_trial(at[one], MORE + 1, cells.gait[nearest[one]]) for one in sorted(chosen)]
+
+
+def _conditions(cells: Cells) -> Array:
+    """φ and ω of each cell ``(n, 2)``."""
+    return np.stack([cells.level_phi[cells.level], cells.omega], axis=-1)
+
+
+def _scaled(at: Array) -> Array:
+    """The same, each of them from 0 to 1."""
     width = np.ptp(at, axis=0)
-    places = (at - at.min(axis=0)) / np.where(width > 0, width, 1.0)
-    chosen = [int(np.argmin(places.sum(axis=1)))]
-    while len(chosen) < min(CONDITIONS, len(cells)):
-        distance = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
-        distance[chosen] = -1.0
+    return np.asarray((at - at.min(axis=0)) / np.where(width > 0, width, 1.0))
+
+
+def _distance(at: Array, chosen: Sequence[int]) -> Array:
+    """Distance of each condition to the nearest of those chosen."""
+    places = _scaled(at)
+    return np.asarray(np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1))
+
+
+def _farthest(at: Array, given: Sequence[int], count: int) -> list[int]:
+    """So many more conditions than those given, each as far as possible from all before it."""
+    chosen: list[int] = []
+    for _ in range(count):
+        distance = _distance(at, [*given, *chosen])
+        distance[[*given, *chosen]] = -1.0
         chosen.append(int(np.argmax(distance)))
-    return [
-        NextTrial(
-            phi=float(cells.level_phi[cells.level[cell]]),
-            omega_rad_s=float(cells.omega[cell]),
-            observable="speed",
-            separates=("scatter of replicates", "a miss of the model"),
-            expected_gap_sd=float("nan"),
-            replicates=MORE,
-            gait=known_gait(cells.gait[cell]),
-        )
-        for cell in sorted(chosen)
-    ]
+    return chosen
+
+
+def _trial(at: Array, replicates: int, gait: str) -> NextTrial:
+    return NextTrial(
+        phi=float(at[0]),
+        omega_rad_s=float(at[1]),
+        observable="speed",
+        separates=("scatter of replicates", "a miss of the model"),
+        expected_gap_sd=float("nan"),
+        replicates=replicates,
+        gait=known_gait(gait),
+    )

@@ -132,16 +132,17 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     base = fits[()]
     if np.isnan(base.lack_of_fit_p):
         return Verdict(
-            "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
+            "untested", (), (), "no more cell means than parameters of the base model: nothing is left to test"
         )
     # Implausible parameters count here: they bar a claim, but the misfit that they repair is real.
     helpful = [key for key in fits if len(key) == 1 and gains_enough(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:
+        scatter = "the error bars" if base.cells.error_bars else "replicates scatter"
         return Verdict(
             "adequate",
             (),
             (),
-            f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}"
+            f"the {base.model.base} model misses the cell means by no more than {scatter} {_p(base)}"
             + "".join(f", but only with {one}" for one in with_plausible_ranges(base, base.implausible)),
         )
     good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
@@ -206,7 +207,8 @@ def _because(fits: Sets, best: Fit) -> str:
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
-        f"on {best.goodness.dof} degrees of freedom and replicates leave nothing to explain {_p(best)}{rest}"
+        f"on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
+        f"leave nothing to explain {_p(best)}{rest}"
     )
 
 
@@ -226,7 +228,7 @@ def _not_the_best_fit(best: Fit, better: Fit) -> Verdict:
     )
     how = "better still" if better.bic < best.bic - 1.0 else "as well"
     because = (
-        f"{_name(best.effects)} leaves replicates nothing to explain {_p(best)}, but {_name(better.effects)} fits "
+        f"{_name(best.effects)} leaves {_nothing(best)}, but {_name(better.effects)} fits "
         f"{how} (ΔBIC {better.bic - best.bic:.0f}), where {why}: neither is to be believed"
     )
     return Verdict("unexplained", (), (), because)
@@ -239,7 +241,7 @@ def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
     enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
     if enough:
         would = min(enough, key=lambda fit: (len(fit.effects), fit.bic))
-        tried = f"{_name(would.effects)} would leave replicates nothing to explain {_p(would)}, but "
+        tried = f"{_name(would.effects)} would leave {_nothing(would)}, but "
         tried += _not_claimed(fits, would, criteria)
     else:
         tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
@@ -262,7 +264,7 @@ def _where_it_fails(fit: Fit) -> str:
 
 def refused_as_implausible(fit: Fit) -> Verdict:
     """The refusal of a set that shows no lack of fit, because a parameter is implausible."""
-    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_if_implausible(fit)}"
+    would = f"{_name(fit.effects)} would leave {_nothing(fit)}, but {_only_if_implausible(fit)}"
     return Verdict("unexplained", (), (), would)
 
 
@@ -294,6 +296,10 @@ _NONE_TRIED = "no effect was tried (--max-effects 0)"
 
 def _name(effects: tuple[str, ...]) -> str:
     return " + ".join(effects) or "the base model"
+
+
+def _nothing(fit: Fit) -> str:
+    return f"{fit.cells.pure_error_from} nothing to explain {_p(fit)}"
 
 
 def _p(fit: Fit) -> str:

@@ -17,7 +17,7 @@ from sandbot_model.explore.views import TITLES, Slider
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
-from sandbot_model.report.captions import HOW_TO_READ
+from sandbot_model.report.captions import how_to_read
 from sandbot_model.report.view import Provenance, bands
 
 MAX_EXCLUDED = 60
@@ -221,7 +221,7 @@ def _figures(cells: Cells) -> html.Main:
                 hidden=True,
             ),
             html.H2("Error as effects are added"),
-            plot("ladder", how_to_read=HOW_TO_READ["ladder"]),
+            plot("ladder", how_to_read=how_to_read("ladder", cells)),
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(

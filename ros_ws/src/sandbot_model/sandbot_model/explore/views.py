@@ -90,7 +90,7 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
         ladder=ladder,
         ladder_caption=captions.ladder(steps, floor),
         figure=message_figure(missing, theme) if missing else figure(selection, steps[0], current, theme),
-        how_to_read="" if missing else captions.HOW_TO_READ[view],
+        how_to_read="" if missing else captions.how_to_read(view, current.fit.cells),
         caption=missing or caption(selection, current),
         status=status(selection, current, floor),
     )

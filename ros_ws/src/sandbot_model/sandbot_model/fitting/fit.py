@@ -17,7 +17,7 @@ from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
-from sandbot_model.fitting.text import UNDETERMINED, WIDTH, cm_s, html_table, probability, with_error
+from sandbot_model.fitting.text import UNDETERMINED, WIDTH, cm_s, counted, html_table, probability, with_error
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -34,6 +34,14 @@ class Fit(Fitted):
     def name(self) -> str:
         """The model in words: ``simple model + leg_slip``."""
         return " + ".join((f"{self.model.base} model", *self.effects))
+
+    @property
+    def undetermined(self) -> str:
+        """Why the data determine no parameter, in words; empty if there are more cell means than unknowns."""
+        if self.goodness.dof > 0:
+            return ""
+        means, unknowns = int(self.problem.measured.sum()), len(self.parameters) + len(self.level_phi)
+        return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: one step of the JSON of ``compare`` and ``discover``."""
@@ -153,7 +161,7 @@ class Fit(Fitted):
 
     def value_text(self, value: float, stderr: float) -> str:
         """A fitted value ± standard error; "not determined" unless there are more cell means than unknowns."""
-        return with_error(value, stderr) if self.goodness.dof > 0 else UNDETERMINED
+        return UNDETERMINED if self.undetermined else with_error(value, stderr)
 
 
 def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:

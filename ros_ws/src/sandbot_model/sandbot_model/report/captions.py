@@ -12,10 +12,10 @@ from sandbot_model.report.mechanics import collapse
 from sandbot_model.report.residual_map import failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
+POINTS = "Points: mean over the replicates of a condition, bars one standard deviation of a single trial."
 HOW_TO_READ = {
-    "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
-    f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey, where drawn: "
-    "the base model.",
+    "speed": f"{POINTS} Solid: the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. "
+    "Dashed grey, where drawn: the base model.",
     "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "
     "Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong to either "
     "phase of the clock).",
@@ -35,17 +35,50 @@ HOW_TO_READ = {
 """Figure → how to read it."""
 
 
+_OF_ERROR_BARS = {
+    POINTS: "Points: means as given, bars the r.m.s. of the error bars given.",
+    "scatter of replicates": "r.m.s. of the error bars given",
+}
+"""What is said instead if error bars are the pure error."""
+
+
+def how_to_read(figure: str, cells: Cells) -> str:
+    """How to read a figure of these cells."""
+    return _by_source(HOW_TO_READ[figure], cells)
+
+
+def points(cells: Cells) -> str:
+    """What measured points and their bars are."""
+    return _by_source(POINTS, cells)
+
+
+def _by_source(found: str, cells: Cells) -> str:
+    for words, instead in _OF_ERROR_BARS.items() if cells.error_bars else ():
+        found = found.replace(words, instead)
+    return found
+
+
 def speed(step: Step) -> str:
     """Where mean speed is largest, and where the model's error is largest."""
     cells, seen = step.fit.cells, measured(step.fit.cells, "speed")
     if not np.isfinite(seen).any():
+        return measured_speed(cells)
+    worst = int(np.nanargmax(np.abs(seen - step.fit.predicted[:, Observable.speed])))
+    return (
+        f"{measured_speed(cells)} Missed most: {condition_label(cells, worst)}, measured {text.cm_s(seen[worst])}, "
+        f"modelled {text.cm_s(step.fit.predicted[worst, Observable.speed])}."
+    )
+
+
+def measured_speed(cells: Cells) -> str:
+    """Where mean speed is largest."""
+    seen = measured(cells, "speed")
+    if not np.isfinite(seen).any():
         return "Mean speed was not measured."
-    best, worst = int(np.nanargmax(seen)), int(np.nanargmax(np.abs(seen - step.fit.predicted[:, Observable.speed])))
+    best = int(np.nanargmax(seen))
     return (
         f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ. "
-        f"Fastest: {text.cm_s(seen[best])} at {condition_label(cells, best)}. Missed most: "
-        f"{condition_label(cells, worst)}, measured {text.cm_s(seen[worst])}, modelled "
-        f"{text.cm_s(step.fit.predicted[worst, Observable.speed])}."
+        f"Fastest: {text.cm_s(seen[best])} at {condition_label(cells, best)}."
     )
 
 

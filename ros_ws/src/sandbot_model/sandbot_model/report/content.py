@@ -96,7 +96,10 @@ def headline(
     terms = [(f"Error, {steps[0].label}", text.cm_s(first.rmse_m_s), _out_of_sample(first))]
     if len(steps) > 1:
         terms.append((f"Error, {steps[-1].label}", text.cm_s(last.rmse_m_s), _out_of_sample(last)))
-    terms.append(("Noise floor", text.cm_s(noise_floor_m_s), "scatter of mean speed between replicates"))
+    meaning = (
+        "r.m.s. of the error bars of mean speed" if cells.error_bars else "scatter of mean speed between replicates"
+    )
+    terms.append(("Noise floor", text.cm_s(noise_floor_m_s), meaning))
     levels, omegas = len(cells.level_phi), len(frequencies(cells)[0])
     plan = f"{len(cells)} conditions over {levels} φ and {omegas} ω"
     terms.append(("Trials", str(provenance.used), plan))

@@ -35,11 +35,14 @@ def _cell_table(steps: tuple[Step, ...]) -> Table:
         head.append(Observable[name].heading)
         pairs = zip(CM * measured(cells, name), CM * scatter(cells, name), strict=True)
         columns.append([f"{text.number(m, 2)} ± {text.number(s, 2)}" if np.isfinite(m) else "–" for m, s in pairs])
-    for step in steps:
+    determined = [step for step in steps if not step.fit.undetermined]
+    for step in determined:
         head.append(f"speed, {step.label} (cm/s)")
         columns.append([text.centi(value) for value in step.fit.predicted[:, Observable.speed]])
     rows = list(zip(*columns, strict=True))
-    caption = "All cells, by the φ of their level: mean ± standard deviation of a single trial, and the modelled speed"
+    spread = "error bars (r.m.s.)" if cells.error_bars else "standard deviation of a single trial"
+    caption = f"All cells, by the φ of their level: mean ± {spread}"
+    caption += ", and the modelled speed" if determined else ""
     return Table(caption, tuple(head), rows, (False,) * len(head), folded=True)
 
 

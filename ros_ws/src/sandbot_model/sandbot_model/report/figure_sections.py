@@ -12,8 +12,16 @@ from sandbot_record.trials.table import Trials
 def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
     """Every figure possible with the observables measured, in reading order."""
     cells = steps[0].fit.cells
+    lock = [Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))]
+    lock = lock if {"speed", "lift"} <= set(cells.observables) else []
+    if missing := next((step.fit.undetermined for step in steps if step.fit.undetermined), ""):
+        line = f"{missing}: figures of the model are left out."
+        return [
+            Section("speed", "Speed against leg frequency", text=(line,), figures=(_measured_speed_figure(steps[0]),)),
+            *lock,
+        ]
     omega = captions.worst_frequency(steps[0].fit)
-    sections = [
+    return [
         Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
         Section(
             "residuals",
@@ -24,11 +32,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
         Section(
             "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
         ),
-    ]
-    if {"speed", "lift"} <= set(cells.observables):
-        lock = Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))
-        sections.append(lock)
-    sections += [
+        *lock,
         Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
         Section("step", "Step length", figures=(_step_figure(steps),)),
         Section(
@@ -36,15 +40,23 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             figures=(_balance_figure(steps, omega),),
         ),
     ]  # fmt: skip
-    return sections
 
 
 def _speed_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="speed",
         alt=tuple(captions.speed(step) for step in steps),
-        caption=captions.HOW_TO_READ["speed"],
+        caption=captions.how_to_read("speed", steps[0].fit.cells),
         draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
+    )
+
+
+def _measured_speed_figure(step: Step) -> Figure:
+    return Figure(
+        name="speed",
+        alt=(captions.measured_speed(step.fit.cells),),
+        caption=captions.points(step.fit.cells),
+        draw=lambda theme: [figures.measured_speed(step, theme)],
     )
 
 
@@ -58,8 +70,8 @@ def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
 
 
 def run_order_section(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
-    """Residuals in run order; no section where too few trials have a known place."""
-    if not run_order.drawable(trials, steps[-1].fit):
+    """Residuals in run order; none where too few trials have a known place, or the model is not determined."""
+    if steps[-1].fit.undetermined or not run_order.drawable(trials, steps[-1].fit):
         return []
     figure = Figure(
         name="run-order",
@@ -74,13 +86,13 @@ def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
     return Figure(
         name="ladder",
         alt=(captions.ladder(steps, floor),),
-        caption=captions.HOW_TO_READ["ladder"],
+        caption=captions.how_to_read("ladder", steps[0].fit.cells),
         draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
     )
 
 
 def _errors(steps: tuple[Step, ...]) -> Table:
-    """Error per observable, in and out of sample, for each step, with the noise floor of the replicates."""
+    """Error per observable, in and out of sample, for each step, with the noise floor."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)
     head = [
@@ -99,8 +111,8 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Lack of fit: how often scatter of the replicates alone would "
-        "give a misfit as large."
+        "Error in sample / out of sample, per observable. Lack of fit: how often pure error alone would give a misfit "
+        "as large."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 

@@ -20,6 +20,7 @@ from sandbot_model.report.view import (
     Step,
     bands,
     measured,
+    measured_name,
     readable,
     scatter,
 )
@@ -51,6 +52,16 @@ def speed(
             traces.insert(0, _band(step, i, colour))
         spec["data"] += in_panel(i, traces)
     spec["data"] += _speed_legend(step, base, theme, with_band)
+    return spec
+
+
+def measured_speed(step: Step, theme: Theme = LIGHT) -> Spec:
+    """The same without the model."""
+    cells = step.fit.cells
+    colours, spec = theme.phi_colours(len(cells.level_phi)), speed_panels([step], theme)
+    for i, band in enumerate(bands(cells)):
+        spec["data"] += in_panel(i, [points(cells, band, colours[band.level], theme)])
+    spec["data"].append(_measured_entry(cells, theme))
     return spec
 
 
@@ -112,7 +123,7 @@ def legend_entry(name: str, **looks: Any) -> Spec:
 def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
     """Entries in ink, since colours encode φ."""
     entries = [
-        legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8}),
+        _measured_entry(step.fit.cells, theme),
         legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
     ]
     if with_band:
@@ -122,6 +133,10 @@ def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) 
         ghost = {"color": theme.faint, "width": 1.5, "dash": "dash"}
         entries.append(legend_entry(model_name(base), mode="lines", line=ghost))
     return entries
+
+
+def _measured_entry(cells: Cells, theme: Theme) -> Spec:
+    return legend_entry(measured_name(cells), mode="markers", marker={"color": theme.ink, "size": 8})
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:

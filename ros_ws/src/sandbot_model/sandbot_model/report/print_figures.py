@@ -10,7 +10,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.theme import LIGHT
-from sandbot_model.report.view import Band, Step, bands, measured, scatter
+from sandbot_model.report.view import Band, Step, bands, measured, measured_name, scatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,7 +115,7 @@ def _legend(steps: Sequence[Step]) -> list[Any]:
 
     entries = [
         Line2D(
-            [], [], color=LIGHT.ink, marker="o", markersize=3.5, linestyle="", label="measured, mean ± s.d. of a trial"
+            [], [], color=LIGHT.ink, marker="o", markersize=3.5, linestyle="", label=measured_name(steps[0].fit.cells)
         ),
         Line2D([], [], color=LIGHT.ink, linewidth=1.6, label=steps[-1].label),
     ]

@@ -65,7 +65,7 @@ def stage_table(stages: Sequence[StageTest]) -> Table:
     ]  # fmt: skip
     caption = (
         "Each test compares two measured quantities that only this stage connects, or one with the base model. p: how "
-        "often scatter of the replicates alone would give as large a χ²."
+        "often pure error alone would give as large a χ²."
     )
     head = ("stage", "connects", "χ²", "conditions", "p", "missed")
     return Table(caption, head, rows, (True, True, False, False, False, False))

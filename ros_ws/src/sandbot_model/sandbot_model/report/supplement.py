@@ -46,9 +46,15 @@ def methods(steps: Sequence[Step], criteria: Criteria = DEFAULT) -> Section:
     """The methods in order of the analysis, with the thresholds of the verdict's own ``criteria``."""
     cells = steps[0].fit.cells
     observables = ", ".join(name.replace("_", " ") for name in cells.observables)
+    source = (
+        f"Rows are means of {observables}, one for each of {len(cells)} conditions; they are fitted, and the error "
+        "bars given are the pure error."
+        if cells.error_bars
+        else f"Trials of one volume fraction φ and leg frequency ω are replicates of a condition ({len(cells)} "
+        f"conditions); their means of {observables} are fitted, their scatter is the pure error."
+    )
     analysis = (
-        f"Trials of one volume fraction φ and leg frequency ω are replicates of a condition ({len(cells)} conditions); "
-        f"their means of {observables} are fitted, their scatter is the pure error. The model is a chain from clock to "
+        f"{source} The model is a chain from clock to "
         f"speed: legs of radius R = {100 * cells.robot.leg_radius_m:.3g} cm sink until the ground, whose resistance "
         "grows as kz, bears the weight and the push that brings the body to leg speed within Δt; the step is the chord "
         "of the leg's arc above that depth. One k for each φ and the shared parameters minimise the deviance of all "

@@ -108,12 +108,14 @@ def _added(steps: tuple[Step, ...]) -> list[str]:
 def _correlations(step: Step) -> list[Table]:
     """Correlations of the errors of a step's shared parameters; a dash where an error is unknown."""
     names = list(step.fit.parameters)
+    if step.fit.undetermined or len(names) < 2:
+        return []
     values = correlation(step.fit.covariance[: len(names), : len(names)])
     short = [name.rpartition(".")[2] for name in names]
     rows = [(name, *(_correlation(value) for value in row[: i + 1]), *[""] * (len(names) - i - 1))
             for i, (name, row) in enumerate(zip(names, values, strict=True))]  # fmt: skip
     caption = f"Correlations of the errors, {step.label}."
-    return [Table(caption, ("parameter", *short), rows, (True, *(False for _ in names)))] if len(names) > 1 else []
+    return [Table(caption, ("parameter", *short), rows, (True, *(False for _ in names)))]
 
 
 def _correlation(value: float) -> str:

@@ -142,6 +142,11 @@ def scatter(cells: Cells, observable: str) -> Floats:
     return np.where(np.isfinite(own), own, cells.noise[column])
 
 
+def measured_name(cells: Cells) -> str:
+    """Measured means and their bars in a legend."""
+    return "measured ± error bars (r.m.s.)" if cells.error_bars else "measured, mean ± s.d. of a trial"
+
+
 def walks(cells: Cells) -> NDArray[np.bool_]:
     """Whether the robot walks in each cell, (n,): its lift exceeds the walking threshold, and either that lift is
     significant or the speed is significantly above a swimmer's. Without lift, the speed decides.

@@ -58,10 +58,10 @@ def of_comparison(steps: Sequence[Fit]) -> str:
 
 
 def _explains(fit: Fit) -> str:
-    """That replicates leave nothing to explain, and which implausible parameter values that takes, if any."""
+    """That pure error leaves nothing to explain, and which implausible parameter values that takes, if any."""
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
     if not (implausible := doubtful_parameters(fit)):
-        return f"holds: replicates leave nothing to explain ({p})"
+        return f"holds: {fit.cells.pure_error_from} leave nothing to explain ({p})"
     return f"explains the data ({p}), but only with {' and '.join(with_plausible_ranges(fit, implausible))}"
 
 
@@ -83,7 +83,7 @@ def _command_for(fit: Fit) -> list[str]:
 
 
 def errors(steps: Sequence[Fit]) -> str:
-    """Speed error out of sample, before → after, and the scatter of replicates, as far as known."""
+    """Speed error out of sample, before → after, and the scatter of replicates or the error bars, as far as known."""
     cells = steps[-1].cells
     floor, dof = noise_floor(cells)["speed"], int(cells.pure_error_dof[0])
     known = [step.cv_rmse_m_s for step in (steps[0], *steps[1:][-1:]) if math.isfinite(step.cv_rmse_m_s)]
@@ -92,7 +92,8 @@ def errors(steps: Sequence[Fit]) -> str:
     stderr = CM * (floor / math.sqrt(2 * dof) if scattered else min(known, default=0.0) / math.sqrt(2 * cells.trials))
     shown = " → ".join(to_error(CM * error, stderr) for error in known)
     parts = [f"speed error out of sample: {shown} cm/s"] if shown else []
-    parts += [f"replicates scatter by {to_error(CM * floor, stderr)} cm/s"] if scattered else []
+    scatter = "error bars of" if cells.error_bars else "replicates scatter by"
+    parts += [f"{scatter} {to_error(CM * floor, stderr)} cm/s"] if scattered else []
     return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates is known"
 
 

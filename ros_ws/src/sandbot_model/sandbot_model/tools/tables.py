@@ -54,9 +54,8 @@ def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
 
 def parameters(fit: Fit) -> str:
     """Shared parameters and k(φ) with standard errors (SI units, as their names say)."""
-    if fit.goodness.dof <= 0:
-        means, unknowns = int(fit.problem.measured.sum()), len(fit.parameters) + len(fit.level_phi)
-        return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters: none is given"
+    if fit.undetermined:
+        return f"{fit.undetermined}: none is given"
     rows = [["parameter", "value", ""]]
     for name, estimate in fit.estimates():
         rows.append([name, estimate, _remark(fit, name, estimate)])

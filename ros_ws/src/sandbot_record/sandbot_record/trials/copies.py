@@ -1,9 +1,10 @@
 """Trials duplicated in a table: counted as replicates, they make every error too small, and true models fail."""
 
 import math
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations, groupby
 
 from sandbot_record.trials.table import OK, Row
 
@@ -13,20 +14,33 @@ MIN_LONG_VALUES = 2
 """Values of so many digits from which two trials that agree in all measured values are copies."""
 SET_POINT_DECIMALS = 3
 """A φ of at most so many decimals is taken for a set-point, not a measurement."""
+TELLING_DIGITS = 3
+"""Digits from which a value tells trials apart; 0 or 0.02 m/s is measured again and again."""
+BY_CHANCE = 1e-3
+"""Expected number of blocks as long that repeat by chance, below which a block was pasted."""
+TOO_OFTEN = 10
+"""Number of equal rows beyond which they are due to rounding."""
+MOST_NAMED = 5
 
 
 def mark_copies(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     """The same rows, with a status that excludes duplicates of others; and a note on their number, if any.
 
-    Copies are recognised by measured values with many digits or, if all values are rounded, by every trial occurring
-    the same number of times. If each set-point has only one such repeated row, rounded replicates may simply agree, and
-    all are kept.
+    Copies are recognised by measured values with many digits, whatever their condition is said to be. If all values are
+    rounded, they are recognised by a block of rows that repeats in its order, longer than chance explains, or by every
+    trial occurring the same number of times. If each set-point has only one such repeated row, rounded replicates may
+    simply agree, and all are kept.
     """
-    copied = {**_copies_by_digits(rows), **_copies_of_table(rows)}
+    copied = {**_copies_by_digits(rows), **_copies_of_table(rows), **_copies_of_blocks(rows)}
     if not copied:
         return list(rows), []
     marked = [replace(row, status=f"a copy of {copied[at]}") if at in copied else row for at, row in enumerate(rows)]
-    return marked, [f"{len(copied)} trials are exact copies of others and are counted once"]
+    named = [f"{rows[at].trial_id} = {copied[at]}" for at in sorted(copied)]
+    more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
+    are = (
+        "1 trial is an exact copy of another" if len(named) == 1 else f"{len(named)} trials are exact copies of others"
+    )
+    return marked, [f"{are} and counted once: {', '.join(named[:MOST_NAMED])}{more}"]
 
 
 def _copies_by_digits(rows: Sequence[Row]) -> dict[int, str]:
@@ -35,10 +49,56 @@ def _copies_by_digits(rows: Sequence[Row]) -> dict[int, str]:
     found: dict[int, str] = {}
     for at, row in enumerate(rows):
         if row.status == OK and sum(digits(value) >= LONG_DIGITS for value in measured(row)) >= MIN_LONG_VALUES:
-            original = first.setdefault(repr((_condition(row), measured(row))), row.trial_id)
+            original = first.setdefault(repr(measured(row)), row.trial_id)
             if original != row.trial_id:
                 found[at] = original
     return found
+
+
+def _copies_of_blocks(rows: Sequence[Row]) -> dict[int, str]:
+    """The same for consecutive rows that follow each other a second time, if chance does not explain so many."""
+    counted = [at for at, row in enumerate(rows) if row.status == OK]
+    texts = [repr((_condition(rows[at]), measured(rows[at]))) for at in counted]
+    condition = {at: _set_point(rows[of]) for at, of in enumerate(counted) if _is_telling(rows[of])}
+    pairs = _pairs_of_replicates(condition, texts)
+    starts = sum(number for number, _ in pairs.values())
+    found: dict[int, str] = {}
+    for lag, block in _repeated_blocks(texts):
+        telling = [condition[at] for at in block if at in condition]
+        number, equal = (sum(pairs[where][i] for where in set(telling)) - len(telling) for i in (0, 1))
+        # Rule of succession: the chance that one more pair of replicates is equal, given all others.
+        chances = ((equal + 1 + more) / (number + 2 + more) for more in range(len(telling)))
+        if starts * math.prod(chances) < BY_CHANCE and telling:
+            found |= {counted[at + lag]: rows[counted[at]].trial_id for at in block}
+    return found
+
+
+def _repeated_blocks(texts: Sequence[str]) -> Iterator[tuple[int, list[int]]]:
+    """Lag and indices of consecutive rows, each of which is equal to the row that follows it by the lag."""
+    places: defaultdict[str, list[int]] = defaultdict(list)
+    for at, text in enumerate(texts):
+        places[text].append(at)
+    again = sorted(
+        (second - first, first)
+        for same in places.values()
+        if len(same) <= TOO_OFTEN
+        for first, second in combinations(same, 2)
+    )
+    for (lag, _), block in groupby(enumerate(again), lambda one: (one[1][0], one[1][1] - one[0])):
+        yield lag, [first for _, (_, first) in block]
+
+
+def _pairs_of_replicates(
+    condition: Mapping[int, tuple[float, float, str]], texts: Sequence[str]
+) -> dict[tuple[float, float, str], tuple[int, int]]:
+    """At each condition, the number of pairs of its rows, and of those that are equal."""
+    of: defaultdict[tuple[float, float, str], Counter[str]] = defaultdict(Counter)
+    for at, where in condition.items():
+        of[where][texts[at]] += 1
+    return {
+        where: (math.comb(count.total(), 2), sum(math.comb(number, 2) for number in count.values()))
+        for where, count in of.items()
+    }
 
 
 def _copies_of_table(rows: Sequence[Row]) -> dict[int, str]:
@@ -73,6 +133,14 @@ def measured(row: Row) -> tuple[float, ...]:
 
 def _condition(row: Row) -> tuple[float, float, str]:
     return row.phi, row.omega_rad_s, row.gait
+
+
+def _set_point(row: Row) -> tuple[float, float, str]:
+    return round(row.phi, SET_POINT_DECIMALS), row.omega_rad_s, row.gait
+
+
+def _is_telling(row: Row) -> bool:
+    return any(digits(value) >= TELLING_DIGITS for value in measured(row))
 
 
 def _key(row: Row) -> str:

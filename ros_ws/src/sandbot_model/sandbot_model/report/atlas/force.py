@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import depth_at
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.material import Material, determined
 from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, S_IS_R_RAD, key, phi_colours, sheet, stepped_line
 from sandbot_model.report.balance import Forces, forces
 from sandbot_model.report.view import bands, frequencies
@@ -41,7 +41,7 @@ def dimensionless(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 4a: the same by the full model, in units of the weight a leg carries."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     weight = material.robot.mass_per_leg_kg * material.robot.gravity_m_s2
-    _families(panel, material, material.full, weight)
+    _families(panel, material, determined(material.full), weight)
     panel.set_ylabel("force over weight, F$_z$/mg")
     return figure, (
         "The full model: force the ground gives a whole leg (colours, one per φ) and force needed, a_z/g + 1 (black, "

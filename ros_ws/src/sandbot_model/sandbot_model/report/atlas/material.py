@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
@@ -59,13 +60,20 @@ class Material:
 
     @property
     def fit(self) -> Fit:
-        """The chosen model."""
-        return self.fits[-1]
+        """The chosen model. Raises InputError if the data do not determine its parameters."""
+        return determined(self.fits[-1])
 
     @property
     def robot(self) -> Robot:
         """The robot that walked."""
         return self.cells.robot
+
+
+def determined(fit: Fit) -> Fit:
+    """The same fit. Raises InputError if the data do not determine its parameters."""
+    if fit.undetermined:
+        raise InputError(f"{fit.undetermined} of the {fit.name}")
+    return fit
 
 
 def nearest(values: Floats, levels: Floats) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":

@@ -8,7 +8,7 @@ from sandbot_model.data.clustering import OMEGA_TOLERANCE, same_within
 from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.material import Material, nearest
+from sandbot_model.report.atlas.material import Material, determined, nearest
 from sandbot_model.report.atlas.style import (
     CONVENTION,
     FAINT,
@@ -61,13 +61,15 @@ def phi_panel(panel: "Axes", material: Material) -> None:
 
 
 def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 2a; dashed: the simple model, fitted as in the paper."""
+    """Fig. 2a; dashed: the simple model, fitted as in the paper, if these data determine it."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
-    omega_panel(panel, material, first=material.simple)
+    first = None if material.simple.undetermined else material.simple
+    omega_panel(panel, material, first=first)
+    dashes = ", grey dashes: simple model, fitted to mean speeds up to the largest of each φ, as in the paper"
     best = [float(np.nanmax(material.cells.mean[band.cells, 0])) for band in bands(material.cells)]
     return figure, (
-        f"Mean speed against leg frequency; points: trials, lines: {_model_name(material.fit)}, grey dashes: simple "
-        "model, fitted to mean speeds up to the largest of each φ, as in the paper. The largest mean speed rises from "
+        f"Mean speed against leg frequency; points: trials, lines: {_model_name(material.fit)}"
+        f"{dashes if first else ''}. The largest mean speed rises from "
         f"{CM * best[0]:.1f} cm/s at φ {material.cells.level_phi[0]:.3f} to {CM * best[-1]:.1f} cm/s at "
         f"{material.cells.level_phi[-1]:.3f}. {CONVENTION}"
     )
@@ -84,6 +86,7 @@ def omega_panel(panel: "Axes", material: Material, first: Fit | None = None) -> 
 
 def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 4b: both base models, fitted as in the paper, and the line s = R."""
+    fits = [determined(fit) for fit in (material.simple, material.full)]
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     _lines(panel, material, material.full)
     _lines(panel, material, material.simple, linestyle=(0, (1.5, 1.2)))
@@ -91,7 +94,7 @@ def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]"
     omega = np.array([0.0, 1.05 * material.cells.omega.max()])
     panel.plot(omega, CM * material.robot.leg_radius_m * omega / np.pi, **GHOST)
     _omega_axes(panel, material)
-    simple, full = (fit.parameters["delta_t_s"] for fit in (material.simple, material.full))
+    simple, full = (fit.parameters["delta_t_s"] for fit in fits)
     return figure, (
         f"The simple (dotted, Δt = {simple.value:.2f} s) and the full model (solid, Δt = {full.value:.2f} s), each "
         f"fitted to mean speeds up to the largest of each φ, as in the paper; grey dashes: s = R. {CONVENTION}"
