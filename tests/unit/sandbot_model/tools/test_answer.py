@@ -25,7 +25,7 @@ from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.variants import with_variants
-from sandbot_model.report import figure_sections, rivals
+from sandbot_model.report import captions, figure_sections, rivals
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
@@ -71,7 +71,10 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     assert lines[0] == "verdict: identified: stance_overlap"
     assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
     assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
-    assert lines[3] == "  speed error out of sample: 1.09 → 0.50 cm/s; replicates scatter by 0.50 cm/s"
+    assert lines[3:5] == [
+        "  speed error out of sample: 1.09 → 0.50 cm/s (30 and 32 of 35 cells scored);",
+        "    replicates scatter by 0.50 cm/s",
+    ]
     order = [out.index(part) for part in ("verdict:", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")]
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH
@@ -88,6 +91,24 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+@pytest.mark.parametrize("left_out", [0, 1])
+def test_an_error_out_of_sample_says_how_many_cells_are_scored_unless_all_are(two, left_out):
+    count = len(two.cells) - left_out
+    fit, whole = replace(two.fit), replace(two.fit)
+    vars(fit)["cross_validation"] = replace(two.fit.cross_validation, cells=count)
+    vars(whole)["cross_validation"] = replace(two.fit.cross_validation, cells=len(two.cells))
+    said = f" ({count} of {len(two.cells)} cells scored)" if left_out else ""
+    assert f"out of sample{said}" in repr(fit)
+    assert f"out of sample{said}<" in fit._repr_html_()
+    assert answer.errors([fit]).split(" cm/s", 1)[1].startswith(f"{said};")
+    both = f" ({count + 1} and {count} of {len(two.cells)} cells scored)" if left_out else ""
+    assert answer.errors([whole, fit]).split(" cm/s", 1)[1].startswith(f"{both};")
+    shown = steps([fit])
+    assert f"out of sample{said};" in captions.ladder(shown, 0.005)
+    assert f"out of sample{said};" in views.status(Selection(), shown[0], 0.005)
+    assert f"{count} of {len(two.cells)}" in figure_sections._errors(shown).rows[0]
 
 
 def test_cells_of_two_gaits_at_one_phi_and_omega_count_apart_wherever_they_are_counted(drawn):

@@ -188,7 +188,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
     failing = cells_missed(fit.fails)
-    outside = "" if selection.by_hand else f", {text.cm_s(fit.cv_rmse_m_s)} out of sample"
+    outside = "" if selection.by_hand else f", {fit.out_of_sample}"
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
         f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {text.counted(len(fit.cells), 'condition')} "

@@ -33,7 +33,7 @@ def candidates(discovery: Discovery) -> list[Section]:
     rows = [
         (
             readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic),
-            text.number(CM * c.cv_rmse_m_s, 2), text.probability(c.weight),
+            text.number(CM * c.cv_rmse_m_s, 2), str(c.cv_cells), text.probability(c.weight),
         )
         for c in ranked
     ]  # fmt: skip
@@ -41,8 +41,8 @@ def candidates(discovery: Discovery) -> list[Section]:
         "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more "
         "negative, the better. Weight: sum of the BIC weights of all sets tried that contain the effect."
     )
-    head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight")
-    words = (True, True, False, False, False, False)
+    head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "cells scored", "weight")
+    words = (True, True, *[False] * 5)
     tables = [Table(caption, head, rows[:BEST_CANDIDATES], words)]
     if rest := rows[BEST_CANDIDATES:]:
         tables.append(Table(f"{len(rest)} more effects that help less", head, rest, words, folded=True))
