@@ -134,11 +134,24 @@ def test_what_is_held_by_hand_has_no_error(printed, tmp_path):
     told = printed(compare, EXAMPLE, *held)
     (line,) = (line for line in told.splitlines() if line.startswith("stance_overlap.eta"))
     assert line.split() == ["stance_overlap.eta", "0.1,", "held"]
+    assert "last step held by hand: stance_overlap.eta = 0.1; nothing is refitted" in told
+    assert "plausible" not in told
+    assert " → – cm/s (" in told  # no error out of sample
     assert "eta = " not in told.partition("held by hand")[0]
-    fitted, by_hand = (step["parameters"] for step in json.loads(out.read_text())["steps"][1:])
+    fitted_step, held_step = json.loads(out.read_text())["steps"][1:]
+    fitted, by_hand = fitted_step["parameters"], held_step["parameters"]
     assert by_hand["stance_overlap.eta"] == {"value": 0.1, "stderr": None}
     assert fitted["stance_overlap.eta"]["stderr"] > 0
-    assert by_hand["delta_t_s"]["stderr"] > 0
+    assert by_hand["delta_t_s"] == fitted["delta_t_s"]
+    assert held_step["k_n_per_m"] == fitted_step["k_n_per_m"]
+    assert held_step["cv_rmse_m_s"] is None
+
+
+def test_a_value_held_beyond_its_plausible_range_is_noted_and_has_its_unit(printed):
+    told = printed(compare, EXAMPLE, "--hold", "delta_t_s=1.5")
+    assert "note: delta_t_s = 1.5 s is held outside its plausible range, 0.1 to 1.2 s" in told
+    (line,) = (line for line in told.splitlines() if line.startswith("delta_t_s"))
+    assert line.split() == ["delta_t_s", "1.5", "s,", "held"]
 
 
 def test_a_speed_of_swimming_that_nothing_depends_on_is_at_no_bound(drawn):

@@ -17,7 +17,16 @@ from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
-from sandbot_model.fitting.text import UNDETERMINED, WIDTH, cm_s, counted, html_table, probability, with_error
+from sandbot_model.fitting.text import (
+    UNDETERMINED,
+    WIDTH,
+    cm_s,
+    counted,
+    html_table,
+    probability,
+    with_error,
+    with_unit,
+)
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -149,7 +158,7 @@ class Fit(Fitted):
             *((name, self.parameter_text(name), unit) for name, unit in zip(self.parameters, units, strict=True)),
             *((f"k at φ {phi:.3f}", self.value_text(k, stderr), "N/m") for phi, k, stderr in levels),
         ]
-        return [(name, f"{text} {unit}".rstrip() if text[-1].isdigit() else text) for name, text, unit in estimates]
+        return [(name, with_unit(text, unit)) for name, text, unit in estimates]
 
     def parameter_text(self, name: str) -> str:
         """A shared parameter ± standard error, or the value at which it is held."""

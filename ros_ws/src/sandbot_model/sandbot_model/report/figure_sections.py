@@ -101,7 +101,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         rows.append((step.label, *errors, scored, text.probability(step.fit.lack_of_fit_p), failing))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Cells scored: those that the others can predict. Lack of fit: "
+        "Error in sample / out of sample, per observable. Cells scored: those that the others predict. Lack of fit: "
         "how often scatter of the replicates alone would give a misfit as large."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
