@@ -52,18 +52,14 @@ def candidates(discovery: Discovery) -> list[Section]:
 def limits(discovery: Discovery) -> list[Section]:
     """95 % limits on the parameters of effects that are not named."""
     rows = [
-        (*text.described(f"{limit.effect}.{limit.parameter}"), _limit(limit.low), _limit(limit.high))
+        (*text.described(f"{limit.effect}.{limit.parameter}"), *(end.replace("-", "−") or "–" for end in limit.ends))
         for limit in discovery.limits
     ]
     caption = (
-        "Limits at 95 % confidence on effects that are not named; – end of the range, or no limit from these data."
+        "Limits at 95 % confidence on effects that are not named; – where no value of the plausible range is excluded."
     )
     table = Table(caption, ("parameter", "unit", "above", "below"), rows, (True, True, False, False))
     return [Section("limits", "Effects that are absent", tables=(table,))] if rows else []
-
-
-def _limit(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2g}".replace("-", "−")
 
 
 def residual(discovery: Discovery) -> list[Section]:
