@@ -153,7 +153,7 @@ def next_trials(discovery: Discovery) -> list[Section]:
     ]  # fmt: skip
     table = Table(
         "Measurements that would distinguish the remaining explanations, most informative first. Gap: difference of "
-        "the two predictions in standard deviations of one of them.",
+        "the two predictions in standard deviations of one trial.",
         ("at", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
         rows,
         (True, True, True, False, False),
