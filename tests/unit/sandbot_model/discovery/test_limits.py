@@ -1,6 +1,8 @@
 """Absent effects have limits: right on drawn truth, none where the data say nothing."""
 
+import copy
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.report import table_sections
 from sandbot_record.trials.table import from_rows
 
 EFFECTS = {
@@ -22,8 +25,8 @@ EFFECTS = {
 }
 
 
-def found(trials, readings=None):
-    search = EffectSearch(cells_of(trials, readings), EFFECTS, "simple")
+def found(trials, readings=None, effects=EFFECTS):
+    search = EffectSearch(cells_of(trials, readings), effects, "simple")
     search.run(0)
     plain = search.fits[()]
     shared = nuisances_for(plain, search.criteria)
@@ -79,3 +82,21 @@ def test_a_limit_reads_as_a_person_writes_it():
     assert str(Limit("cable_drag", "f_c_n", "N", None, 0.05)) == "cable_drag.f_c_n < 0.05 N"
     assert str(Limit("a", "b", "1", -0.05, 0.1)) == "-0.050 < a.b < 0.100"
     assert str(Limit("a", "b", "m", 0.5, None)) == "0.5 < a.b m"
+    assert str(Limit("a", "rho", "1", 0.9739, 1.0033, 1.0)) == "0.9739 < a.rho < 1.0033"
+    assert str(Limit("a", "rho", "1", None, 1.0141, 1.0)) == "a.rho < 1.014"  # above its neutral value
+    assert str(Limit("cohesion", "c_pa", "Pa", None, 254.3)) == "cohesion.c_pa < 250 Pa"
+
+
+def test_the_report_gives_limits_as_the_command_does():
+    two = (Limit("slow_phase_speed", "rho", "1", 0.9739, 1.0033, 1.0), Limit("leg_slip", "sigma", "1", None, 0.0085))
+    ((table,),) = (section.tables for section in table_sections.limits(SimpleNamespace(limits=two)))
+    assert [row[-2:] for row in table.rows] == [("0.9739", "1.0033"), ("–", "0.0085")]
+
+
+def test_a_limit_that_excludes_no_plausible_value_is_none(drawn):
+    trials, name = drawn(seed=1, levels=4), "stance_overlap"
+    high = found(trials)[2][name].high
+    for share, given in ((1.2, True), (0.8, False)):
+        effect = copy.copy(EFFECTS[name])
+        effect.parameters = (dataclasses.replace(effect.parameters[0], high=share * high, start=0.5 * high),)
+        assert (name in found(trials, effects={name: effect})[2]) == given

@@ -14,6 +14,7 @@ from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.previews import change_of, helps, ordered
 from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.report.captions import HOW_TO_READ, PERFECT
 from sandbot_model.report.drawings import MOTIFS, drawing
 
 pytestmark = pytest.mark.slow  # together seconds
@@ -46,6 +47,9 @@ def test_a_card_says_what_an_effect_is_and_switches_it(client, session):
     now = session.step(Selection()).fit.rmse_m_s
     card = re.search(r'<article class="card" id="leg_slip".*?</article>', page, re.DOTALL)[0]
     assert f"{100 * now:.2f} → {100 * error:.2f} cm/s" in card
+    assert f"cm/s, {PERFECT}." in page
+    assert PERFECT in HOW_TO_READ["ladder"]
+    assert "no model can" not in page + HOW_TO_READ["ladder"]  # in sample a fit is slightly below the floor
     assert 'href="/?view=lock&amp;effect=leg_slip">Switch on leg slip' in card
     assert "slip at depth d_r" in card
     assert "<math>" in card

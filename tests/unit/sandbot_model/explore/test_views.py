@@ -7,6 +7,7 @@ import plotly.graph_objects as go
 import pytest
 from made_up import EFFECTS, Inline, made_up_trials
 
+from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import VIEWS, Selection
 from sandbot_model.explore import cell_trials, views
@@ -23,6 +24,13 @@ def test_a_value_held_by_hand_is_what_the_figures_show(session):
     held = session.step(Selection().held("delta_t_s", 0.5 * best))
     assert held.fit.parameters["delta_t_s"].value == pytest.approx(0.5 * best)
     assert held.fit.rmse_m_s > fitted.fit.rmse_m_s
+    assert np.isnan(held.fit.parameters["delta_t_s"].stderr)
+    assert held.fit.parameters["v_swim_m_s"] == fitted.fit.parameters["v_swim_m_s"]  # nothing is refitted
+    np.testing.assert_array_equal(held.fit.k_stderr_n_per_m, fitted.fit.k_stderr_n_per_m)
+    with pytest.raises(InputError, match=r"delta_t_s=-1: at least 0\.02 is needed"):
+        session.step(Selection().held("delta_t_s", -1.0))
+    (slider, *_) = views.sliders(Selection().held("delta_t_s", 0.5 * best), held, EFFECTS)
+    assert (slider.low, slider.high, slider.held) == (0.1, 1.2, True)
     same = session.step(Selection().held("delta_t_s", best))
     assert same.fit.rmse_m_s == pytest.approx(fitted.fit.rmse_m_s, rel=1e-2)
 

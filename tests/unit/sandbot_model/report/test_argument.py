@@ -19,7 +19,7 @@ from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import model_difference, profiles, rivals, stages, table_sections
+from sandbot_model.report import argument, model_difference, profiles, rivals, stages, table_sections
 from sandbot_model.report.argument import MAX_REPLICATES, argument_page, plan
 from sandbot_model.report.curves import steps
 from sandbot_model.report.page import render
@@ -74,6 +74,16 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
         widths = [trace["line"]["width"] for trace in legend]
         assert widths.index(max(widths)) == chosen
         assert len({(trace["line"]["color"], trace["line"]["dash"]) for trace in legend}) == len(shown)
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "by 1 model: "), (2, "by 2 models: ")])
+def test_rivals_are_counted(found, shown, count, said):
+    assert said in argument._rivals(shown[:count], found).figures[0].alt[0]
+
+
+def test_a_gap_is_in_standard_deviations_of_a_trial_as_in_the_glossary(undecided):
+    (section,) = table_sections.next_trials(undecided)
+    assert "in standard deviations of one trial." in section.tables[0].caption
 
 
 def test_rivals_are_compared_by_fits_of_one_kind(found, shown):
@@ -197,14 +207,17 @@ def test_unknowns_of_one_symbol_are_told_apart(found):
 
 
 def test_a_stage_that_holds_is_said_to_hold(found):
-    failing = [stage for stage in found.stages if stage.missed]
+    alpha = found.criteria.lack_of_fit
+    failing = [stage for stage in found.stages if stage.p < alpha]
     assert failing
-    said = stages.stages_caption(found.stages)
-    assert all(f"{stage.stage} (" in said for stage in failing)
-    held = [replace(stage, missed=()) for stage in found.stages]
-    assert "Every stage" in stages.stages_caption(held)
-    titles = [one["text"] for one in stages.stage_map(held, found.cells, LIGHT)["layout"]["annotations"]]
-    assert all(title.endswith("holds") for title in titles)
+    said = stages.stages_caption(found.stages, alpha)
+    assert all((f"{stage.stage} (" in said) == (stage in failing) for stage in found.stages)
+    # One condition of many is missed by chance: p says whether the stage fails.
+    held = [replace(stage, missed=found.stages[0].missed[:1], p=0.051) for stage in found.stages]
+    assert "Every stage" in stages.stages_caption(held, alpha)
+    for tested, outcome in ((held, "holds"), (failing, "fails")):
+        titles = [one["text"] for one in stages.stage_map(tested, found.cells, alpha, LIGHT)["layout"]["annotations"]]
+        assert all(f"</b>: {outcome}" in title for title in titles)
 
 
 @pytest.mark.parametrize("verdict", ["found", "undecided"])

@@ -27,7 +27,7 @@ from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.variants import with_variants
-from sandbot_model.report import figure_sections, rivals
+from sandbot_model.report import captions, figure_sections, rivals
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
@@ -74,7 +74,10 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     assert lines[0] == "verdict: identified: stance_overlap"
     assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
     assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
-    assert lines[3] == "  speed error out of sample: 1.09 → 0.50 cm/s; replicates scatter by 0.50 cm/s"
+    assert lines[3:5] == [
+        "  speed error out of sample: 1.09 → 0.50 cm/s (30 and 32 of 35 cells scored);",
+        "    replicates scatter by 0.50 cm/s",
+    ]
     order = [out.index(part) for part in ("verdict:", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")]
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH
@@ -91,6 +94,24 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+@pytest.mark.parametrize("left_out", [0, 1])
+def test_an_error_out_of_sample_says_how_many_cells_are_scored_unless_all_are(two, left_out):
+    count = len(two.cells) - left_out
+    fit, whole = replace(two.fit), replace(two.fit)
+    vars(fit)["cross_validation"] = replace(two.fit.cross_validation, cells=count)
+    vars(whole)["cross_validation"] = replace(two.fit.cross_validation, cells=len(two.cells))
+    said = f" ({count} of {len(two.cells)} cells scored)" if left_out else ""
+    assert f"out of sample{said}" in repr(fit)
+    assert f"out of sample{said}<" in fit._repr_html_()
+    assert answer.errors([fit]).split(" cm/s", 1)[1].startswith(f"{said};")
+    both = f" ({count + 1} and {count} of {len(two.cells)} cells scored)" if left_out else ""
+    assert answer.errors([whole, fit]).split(" cm/s", 1)[1].startswith(f"{both};")
+    shown = steps([fit])
+    assert f"out of sample{said};" in captions.ladder(shown, 0.005)
+    assert f"out of sample{said};" in views.status(Selection(), shown[0], 0.005)
+    assert f"{count} of {len(two.cells)}" in figure_sections._errors(shown).rows[0]
 
 
 def test_cells_of_two_gaits_at_one_phi_and_omega_count_apart_wherever_they_are_counted(drawn):
@@ -116,11 +137,24 @@ def test_what_is_held_by_hand_has_no_error(printed, tmp_path):
     told = printed(compare, EXAMPLE, *held)
     (line,) = (line for line in told.splitlines() if line.startswith("stance_overlap.eta"))
     assert line.split() == ["stance_overlap.eta", "0.1,", "held"]
+    assert "last step held by hand: stance_overlap.eta = 0.1; nothing is refitted" in told
+    assert "plausible" not in told
+    assert " → – cm/s (" in told  # no error out of sample
     assert "eta = " not in told.partition("held by hand")[0]
-    fitted, by_hand = (step["parameters"] for step in json.loads(out.read_text())["steps"][1:])
+    fitted_step, held_step = json.loads(out.read_text())["steps"][1:]
+    fitted, by_hand = fitted_step["parameters"], held_step["parameters"]
     assert by_hand["stance_overlap.eta"] == {"value": 0.1, "stderr": None}
     assert fitted["stance_overlap.eta"]["stderr"] > 0
-    assert by_hand["delta_t_s"]["stderr"] > 0
+    assert by_hand["delta_t_s"] == fitted["delta_t_s"]
+    assert held_step["k_n_per_m"] == fitted_step["k_n_per_m"]
+    assert held_step["cv_rmse_m_s"] is None
+
+
+def test_a_value_held_beyond_its_plausible_range_is_noted_and_has_its_unit(printed):
+    told = printed(compare, EXAMPLE, "--hold", "delta_t_s=1.5")
+    assert "note: delta_t_s = 1.5 s is held outside its plausible range, 0.1 to 1.2 s" in told
+    (line,) = (line for line in told.splitlines() if line.startswith("delta_t_s"))
+    assert line.split() == ["delta_t_s", "1.5", "s,", "held"]
 
 
 def test_a_speed_of_swimming_that_nothing_depends_on_is_at_no_bound(drawn):

@@ -18,6 +18,7 @@ class Candidate:
     delta_chi2: float
     delta_bic: float
     cv_rmse_m_s: float
+    cv_cells: int
     weight: float
 
 
@@ -28,8 +29,8 @@ def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
     for name, effect in effects.items():
         if (single := fits.get((name,))) is not None:
             weight = sum(value for key, value in weights.items() if name in key)
-            change = single.deviance - base.deviance
-            found.append(Candidate(name, effect.stage, change, single.bic - base.bic, single.cv_rmse_m_s, weight))
+            change, cv = (single.deviance - base.deviance, single.bic - base.bic), single.cross_validation
+            found.append(Candidate(name, effect.stage, *change, cv.rmse["speed"], cv.cells, weight))
     return sorted(found, key=lambda candidate: candidate.delta_bic)
 
 

@@ -194,7 +194,7 @@ def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, floa
         "effects": list(selection.effects),
         "formulas": list(selection.formulas),
         "by_hand": dict(selection.by_hand),
-        "result": {name: float(value) for name, value in result.items()},
+        "result": {name: float(value) if math.isfinite(value) else None for name, value in result.items()},
     }
     # Escaped, since YAML reads a raw Unicode line separator back as a space.
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=False, width=1000)

@@ -5,6 +5,7 @@ They come from the profile likelihood, with the nuisances of the named set. An e
 it has risen by 3.84.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,24 +29,36 @@ NEAREST = 0.5
 
 @dataclass(frozen=True)
 class Limit:
-    """Limits at 95 % on a parameter of an absent effect; None on a side where its range ends or the data set none."""
+    """Limits at 95 % on a parameter of an absent effect; None on a side where they exclude no plausible value."""
 
     effect: str
     parameter: str
     unit: str
     low: float | None
     high: float | None
+    neutral: float = 0.0
+    """Value at which the effect vanishes."""
 
     def __str__(self) -> str:
-        name = f"{self.effect}.{self.parameter}"
+        low, high = self.ends
         unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.low is None:
-            return f"{name} < {self.high:.2g}{unit}"
-        if self.high is None:
-            return f"{self.low:.2g} < {name}{unit}"
-        # To a tenth of the interval: both ends may lie near the neutral value.
-        low, high = (to_error(end, 0.1 * (self.high - self.low)) for end in (self.low, self.high))
-        return f"{low} < {name} < {high}{unit}"
+        return f"{low and f'{low} < '}{self.effect}.{self.parameter}{high and f' < {high}'}{unit}"
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Both limits as text, empty for none: to a tenth of the interval, since both may lie near the neutral value;
+        one alone to two digits of its distance from there.
+        """
+        if self.low is not None and self.high is not None:
+            error = 0.1 * (self.high - self.low)
+            return to_error(self.low, error), to_error(self.high, error)
+        low, high = ("" if end is None else _to_two_digits(end, self.neutral) for end in (self.low, self.high))
+        return low, high
+
+
+def _to_two_digits(value: float, neutral: float) -> str:
+    distance = max(abs(value - neutral), 1e-9)
+    return f"{round(value, 1 - math.floor(math.log10(distance))):.12g}"
 
 
 def limits(search: EffectSearch, named: Fit) -> list[Limit]:
@@ -77,7 +90,9 @@ def _limit(search: EffectSearch, named: Fit, name: str, parameter: Parameter) ->
     ends = [end for end in (below and -below, above) if end is not None]
     if not ends or max(abs(end - max(estimate, low)) for end in ends) < NEAREST * error:
         return None
-    return Limit(name, parameter.name, parameter.unit, below and -below, above)
+    lower = None if below is None or -below < parameter.low else -below
+    upper = None if above is None or above > parameter.high else above
+    return None if lower is upper is None else Limit(name, parameter.name, parameter.unit, lower, upper, neutral)
 
 
 def _linear_estimate(jacobian: Array, residual: Array, index: int) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.discovery.verdict import leaves_nothing
-from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.fit import Fit, fitted_at, scored
 from sandbot_model.fitting.global_minimum import far_above, solve_near, solve_with_nuisances
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.text import cm_s
@@ -184,11 +184,11 @@ def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criter
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
     enough = leaves_nothing(found, criteria)
     left = "leave nothing to explain" if enough else "still leave something to explain"
-    scored = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}, " if np.isfinite(cv).all() else ""
+    change = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}{scored(fit, found)}, "
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
-        f"{scored}and {fit.cells.pure_error_from} {left} "
+        f"{change if np.isfinite(cv).all() else ''}and {fit.cells.pure_error_from} {left} "
         f"(p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:

@@ -14,6 +14,7 @@ from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.report import text
+from sandbot_model.report.captions import PERFECT
 from sandbot_model.report.drawings import drawing
 from sandbot_model.report.effect_facts import DESIGN, range_text, words
 from sandbot_model.report.fingerprint_map import fingerprint_map
@@ -25,7 +26,7 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Effects: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
-<p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.
+<p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor: {floor}, {perfect}.
 {held_values}</p>
 {pending}</header>
 <main class="cards">{cards}{folded}</main>{script}</body></html>"""
@@ -77,7 +78,7 @@ class CardsPage:
             PAGE.format(
                 title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
                 held_values=escape(held_values_note(asked)), model=escape(now.label.removeprefix("+ ")),
-                now=text.cm_s(now_m_s), floor=text.cm_s(self._session.noise_floor_m_s),
+                now=text.cm_s(now_m_s), perfect=PERFECT, floor=text.cm_s(self._session.noise_floor_m_s),
                 cards="".join(cards[name] for name in useful),
                 folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
                 f"{''.join(rest)}</details>" if rest else "",

@@ -20,7 +20,7 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection, name_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery, discover
-from sandbot_model.discovery.reproduce import point_of
+from sandbot_model.discovery.reproduce import held_by_hand
 from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
@@ -62,7 +62,7 @@ def sampled_errors(model: Model, cells: Cells, point: Point) -> Array:
 
 def solved(found: Fit) -> Solved:
     """The part of a fit that is needed to rebuild it."""
-    return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
+    return Solved(found.point, found.rmse_m_s, found.cv_rmse_m_s)
 
 
 class Session:
@@ -103,8 +103,7 @@ class Session:
         fitted = self._fitted_step(replace(selection, by_hand=()))
         if not selection.by_hand:
             return fitted
-        point = point_of(fitted.fit, dict(selection.by_hand))
-        return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
+        return with_curves([held_by_hand(fitted.fit, selection.by_hand)])[0]
 
     def with_final_errors(self, selection: Selection) -> Fit | None:
         """The fit shown, with final standard errors; None while a worker is sampling them."""

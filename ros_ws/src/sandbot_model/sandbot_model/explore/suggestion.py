@@ -25,8 +25,11 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
         html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
         table(
             "Best single effects",
-            ("effect", "ΔBIC", "out of sample"),
-            [(readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s)) for c in found.candidates[:5]],
+            ("effect", "ΔBIC", "out of sample", "cells scored"),
+            [
+                (readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s), str(c.cv_cells))
+                for c in found.candidates[:5]
+            ],
         ),
     ]
     if found.residual is not None:

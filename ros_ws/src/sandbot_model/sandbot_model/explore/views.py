@@ -14,6 +14,7 @@ from sandbot_model.explore.session import Session
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
+from sandbot_model.fitting.text import with_unit
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import balance, captions, figures, lock, mechanics, model_difference, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
@@ -188,7 +189,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
     failing = cells_missed(fit.fails)
-    outside = "" if selection.by_hand else f", {text.cm_s(fit.cv_rmse_m_s)} out of sample"
+    outside = "" if selection.by_hand else f", {fit.out_of_sample}"
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
         f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {text.counted(len(fit.cells), 'condition')} "
@@ -199,11 +200,12 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
 def fitted_values(effect: Effect, fit: Fit) -> str:
     """Fitted values ± errors of an effect switched on, with descriptions and units; empty without parameters."""
     parts = []
-    for name, estimate in fit.parameters.items():
+    for name in fit.parameters:
         if name.startswith(f"{effect.identifier}."):
             words, unit = text.described(name, [effect])
-            parts.append(f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {fit.value_text(*estimate)} {unit}")
-    return "; ".join(part.strip() for part in parts)
+            value = with_unit(fit.parameter_text(name), unit)
+            parts.append(f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {value}")
+    return "; ".join(parts)
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:
@@ -211,7 +213,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     model = current.fit.model
     held = dict(selection.by_hand)
     found = []
-    for name, parameter in zip(model.names, model.parameters, strict=True):
+    for name, parameter in zip(model.names, replace(model, held={}).parameters, strict=True):
         value = slider_value(held.get(name, current.fit.parameters[name].value))
         words, unit = text.described(name, effects.values())
         found.append(

@@ -25,6 +25,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import KCurve, Prediction
 
 T = TypeVar("T")
@@ -32,7 +33,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitted:
-    """A model at the minimum of its deviance. Arrays over cells have length n, the last axis is ``Observable``.
+    """A model at the minimum of its deviance, or with values held by hand.
+
+    Arrays over cells have length n, the last axis is ``Observable``.
 
     What follows from these fields is computed on demand and not pickled.
     """
@@ -48,6 +51,9 @@ class Fitted:
     nuisances: Nuisances | None = None
     """Nuisance parameters fitted with the rest; their estimates are ``shared``."""
     shared: tuple[Estimate, ...] = ()
+    at_minimum: bool = True
+    """False where values are held by hand and all others are as fitted before, so that no error out of sample is known.
+    """
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -103,6 +109,8 @@ class Fitted:
     @cached_property
     def cross_validation(self) -> CrossValidation:
         """The errors where each cell is predicted by the others."""
+        if not self.at_minimum:
+            return CrossValidation(dict.fromkeys(NAMES, np.nan), 0, np.nan)
         return cross_validation(self.problem, self.state, full_jacobian(self.problem, self.state)[0])
 
     @property

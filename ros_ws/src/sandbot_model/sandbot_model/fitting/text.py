@@ -52,6 +52,12 @@ def with_error(value: float, stderr: float) -> str:
     return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
 
 
+def with_unit(value: str, unit: str) -> str:
+    """The text of a value with its unit: ``0.401 ± 0.012 s``, ``0.4 s, held``; without, where it is no number."""
+    number, comma, remark = value.partition(",")
+    return f"{number} {unit}".rstrip() + comma + remark if number[-1].isdigit() else value
+
+
 def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
     """Rows of text in aligned columns, ``left`` ones to the left, others to the right; the first row is underlined.
 

@@ -46,6 +46,10 @@ class Parameter:
         margin = 0.5 * self.width
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
 
+    def with_unit(self, value: float) -> str:
+        """A value of it with its unit: ``0.4 s``."""
+        return f"{value:g}{'' if self.unit == '1' else f' {self.unit}'}"
+
     def check(self, value: float, where: str) -> None:
         """Raises InputError, its text beginning with ``where``, for a value that the parameter can't have."""
         if not self.hard_low <= value <= self.hard_high:

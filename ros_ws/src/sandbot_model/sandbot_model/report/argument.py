@@ -70,12 +70,13 @@ def _geometry_lock(discovery: Discovery) -> list[Section]:
 
 
 def _stages(discovery: Discovery) -> list[Section]:
-    tested = discovery.stages
+    tested, alpha = discovery.stages, discovery.criteria.lack_of_fit
     if not tested:
         return []
     figure = Figure(
-        "stages", (stages.stages_caption(tested),), "", lambda theme: [stages.stage_map(tested, discovery.cells, theme)]
-    )
+        "stages", (stages.stages_caption(tested, alpha),), "",
+        lambda theme: [stages.stage_map(tested, discovery.cells, alpha, theme)],
+    )  # fmt: skip
     heading = "Which stage of the base model fails?"
     return [Section("stages", heading, figures=(figure,), tables=(stages.stage_table(tested),))]
 
@@ -98,7 +99,7 @@ def _maps(shown: Steps, discovery: Discovery) -> Section:
 def _rivals(shown: Steps, discovery: Discovery) -> Section:
     labels = "; ".join(step.label for step in shown)
     figure = Figure(
-        "rivals", (f"Mean speed against ω by {len(shown)} models: {labels}.",),
+        "rivals", (f"Mean speed against ω by {text.counted(len(shown), 'model')}: {labels}.",),
         "Points: measured, bars one standard deviation of a trial. Lines: the models, the one chosen above is thicker.",
         lambda theme: [rivals.overlay(shown, n, theme) for n in range(len(shown))],
     )  # fmt: skip

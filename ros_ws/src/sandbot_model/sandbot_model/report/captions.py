@@ -13,14 +13,17 @@ from sandbot_model.report.residual_map import failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
 POINTS = "Points: mean over the replicates of a condition, bars one standard deviation of a single trial."
+PERFECT = "the error expected of a perfect model; a model falls below it by chance or by fitting the noise"
+"""What the noise floor means."""
+
 HOW_TO_READ = {
     "speed": f"{POINTS} Solid: the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. "
     "Dashed grey, where drawn: the base model.",
     "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "
     "Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong to either "
     "phase of the clock).",
-    "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
-    "without it. Noise floor: scatter of replicates, which no model can beat.",
+    "ladder": "In sample: the model fitted to all trials. Out of sample: each condition that the others can predict, "
+    f"predicted by a model fitted without it. Noise floor: scatter of replicates, {PERFECT}.",
     "lock": "A leg of radius R that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
     "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
     "or gained after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift "
@@ -158,8 +161,7 @@ def lock(cells: Cells) -> str:
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
     """Errors of each step of the ladder."""
     rungs = "; ".join(
-        f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {text.cm_s(step.fit.cv_rmse_m_s)} out of sample"
-        for step in steps
+        f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {step.fit.out_of_sample}" for step in steps
     )
     return f"Error of mean speed for each step: {rungs}; noise floor {text.cm_s(noise_floor_m_s)}."
 

@@ -107,7 +107,7 @@ def headline(
 
 
 def _out_of_sample(fit: Fit) -> str:
-    return f"r.m.s. of mean speed; {text.cm_s(fit.cv_rmse_m_s)} out of sample"
+    return f"r.m.s. of mean speed; {fit.out_of_sample}"
 
 
 def _sentence(because: str, steps: tuple[Step, ...], floor: float) -> str:

@@ -98,6 +98,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     head = [
         "model",
         *(Observable[name].heading for name in cells.observables),
+        "cells scored",
         "lack of fit, p",
         "failing cells",
     ]
@@ -107,12 +108,13 @@ def _errors(steps: tuple[Step, ...]) -> Table:
             f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
             for n in cells.observables
         )
-        failing = cells_missed(step.fit.fails)
-        rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
-    rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
+        counts = (step.fit.cross_validation.cells, cells_missed(step.fit.fails))
+        scored, failing = (f"{count} of {len(cells)}" for count in counts)
+        rows.append((step.label, *errors, scored, text.probability(step.fit.lack_of_fit_p), failing))
+    rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Lack of fit: how often pure error alone would give a misfit "
-        "as large."
+        "Error in sample / out of sample, per observable. Cells scored: those that the others predict. Lack of fit: "
+        "how often pure error alone would give a misfit as large."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 

@@ -140,7 +140,7 @@ def _measured_entry(cells: Cells, theme: Theme) -> Spec:
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
-    """Error of mean speed as effects are added: in sample, out of sample, and the noise floor no model can beat."""
+    """Error of mean speed as effects are added: in sample, out of sample, and the noise floor."""
     in_sample = [CM * step.fit.rmse_m_s for step in steps]
     out_of_sample = [CM * step.fit.cv_rmse_m_s for step in steps]
     floor = CM * noise_floor_m_s

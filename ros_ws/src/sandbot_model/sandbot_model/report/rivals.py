@@ -60,12 +60,13 @@ def comparison_table(steps: Sequence[Step], tried: Sequence[Fit]) -> Table:
     rows = [
         (
             step.label, text.number(fit.bic - best), text.centi(fit.rmse_m_s), text.centi(fit.cv_rmse_m_s),
-            text.probability(fit.lack_of_fit_p), str(cells_missed(fit.fails)),
+            str(fit.cross_validation.cells), text.probability(fit.lack_of_fit_p), str(cells_missed(fit.fails)),
         )
         for step, fit in zip(steps, fits, strict=True)
     ]  # fmt: skip
     caption = "ΔBIC to the best of these: above 10, the data speak strongly against it. Errors of mean speed."
     if any(step.fit.nuisances and not fit.nuisances for step, fit in zip(steps, fits, strict=True)):
         caption += " Models are compared without nuisance parameters (lift zero, speed scale, drift)."
-    head = ("model", "ΔBIC", "error (cm/s)", "out of sample (cm/s)", "lack of fit, p", "conditions missed")
-    return Table(caption, head, rows, (True, *[False] * 5))
+    counts = ("conditions scored", "lack of fit, p", "conditions missed")
+    head = ("model", "ΔBIC", "error (cm/s)", "out of sample (cm/s)", *counts)
+    return Table(caption, head, rows, (True, *[False] * 6))

@@ -14,9 +14,10 @@ from sandbot_model.report.theme import Spec, Theme, axis
 COLUMNS = 4
 
 
-def stage_map(stages: Sequence[StageTest], cells: Cells, theme: Theme) -> Spec:
-    """A panel for each stage: all conditions, with those marked that its test misses."""
-    spec = grid_of_panels([f"<b>{stage.stage}</b>: {_outcome(stage)}" for stage in stages], theme, COLUMNS, height=210)
+def stage_map(stages: Sequence[StageTest], cells: Cells, alpha: float, theme: Theme) -> Spec:
+    """A panel for each stage: all conditions, with those marked that its test misses. A stage fails below p = alpha."""
+    titles = [f"<b>{stage.stage}</b>: {_outcome(stage, alpha)}" for stage in stages]
+    spec = grid_of_panels(titles, theme, COLUMNS, height=210)
     for i, stage in enumerate(stages):
         key = "" if i == 0 else str(i + 1)
         first = i % COLUMNS == 0
@@ -37,8 +38,9 @@ def stage_map(stages: Sequence[StageTest], cells: Cells, theme: Theme) -> Spec:
     return spec
 
 
-def _outcome(stage: StageTest) -> str:
-    return f"misses {len(stage.missed)} of {stage.cells}" if stage.missed else "holds"
+def _outcome(stage: StageTest, alpha: float) -> str:
+    missed = f", misses {len(stage.missed)} of {stage.cells}" if stage.missed else ""
+    return f"{'fails' if stage.p < alpha else 'holds'}{missed}"
 
 
 def _marks(phi: Floats, omega: Floats, name: str, marker: Spec) -> Spec:
@@ -71,11 +73,11 @@ def stage_table(stages: Sequence[StageTest]) -> Table:
     return Table(caption, head, rows, (True, True, False, False, False, False))
 
 
-def stages_caption(stages: Sequence[StageTest]) -> str:
-    """The stages that fail, worst first."""
-    failing = sorted((stage for stage in stages if stage.missed), key=lambda stage: stage.p)
+def stages_caption(stages: Sequence[StageTest], alpha: float) -> str:
+    """The stages that fail, those with p < alpha, worst first."""
+    failing = sorted((stage for stage in stages if stage.p < alpha), key=lambda stage: stage.p)
     if not failing:
-        return "Every stage of the base model holds in these trials."
+        return f"Every stage of the base model holds in these trials (p ≥ {alpha:g})."
     missed = [text.counted(len(stage.missed), "condition") for stage in failing]
-    names = [f"{stage.stage} ({stage.connects}) at {many}" for stage, many in zip(failing, missed, strict=True)]
-    return f"The base model fails at: {'; '.join(names)}."
+    names = [f"{stage.stage} ({stage.connects}), {many} missed" for stage, many in zip(failing, missed, strict=True)]
+    return f"The base model fails (p < {alpha:g}) at: {'; '.join(names)}."

@@ -33,7 +33,7 @@ def candidates(discovery: Discovery) -> list[Section]:
     rows = [
         (
             readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic),
-            text.number(CM * c.cv_rmse_m_s, 2), text.probability(c.weight),
+            text.number(CM * c.cv_rmse_m_s, 2), str(c.cv_cells), text.probability(c.weight),
         )
         for c in ranked
     ]  # fmt: skip
@@ -41,8 +41,8 @@ def candidates(discovery: Discovery) -> list[Section]:
         "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more "
         "negative, the better. Weight: sum of the BIC weights of all sets tried that contain the effect."
     )
-    head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight")
-    words = (True, True, False, False, False, False)
+    head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "cells scored", "weight")
+    words = (True, True, *[False] * 5)
     tables = [Table(caption, head, rows[:BEST_CANDIDATES], words)]
     if rest := rows[BEST_CANDIDATES:]:
         tables.append(Table(f"{len(rest)} more effects that help less", head, rest, words, folded=True))
@@ -52,18 +52,14 @@ def candidates(discovery: Discovery) -> list[Section]:
 def limits(discovery: Discovery) -> list[Section]:
     """95 % limits on the parameters of effects that are not named."""
     rows = [
-        (*text.described(f"{limit.effect}.{limit.parameter}"), _limit(limit.low), _limit(limit.high))
+        (*text.described(f"{limit.effect}.{limit.parameter}"), *(end.replace("-", "−") or "–" for end in limit.ends))
         for limit in discovery.limits
     ]
     caption = (
-        "Limits at 95 % confidence on effects that are not named; – end of the range, or no limit from these data."
+        "Limits at 95 % confidence on effects that are not named; – where no value of the plausible range is excluded."
     )
     table = Table(caption, ("parameter", "unit", "above", "below"), rows, (True, True, False, False))
     return [Section("limits", "Effects that are absent", tables=(table,))] if rows else []
-
-
-def _limit(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2g}".replace("-", "−")
 
 
 def residual(discovery: Discovery) -> list[Section]:
@@ -159,7 +155,7 @@ def next_trials(discovery: Discovery) -> list[Section]:
     ]  # fmt: skip
     table = Table(
         "Measurements that would distinguish the remaining explanations, most informative first. Gap: difference of "
-        "the two predictions in standard deviations of one of them.",
+        "the two predictions in standard deviations of one trial.",
         ("at", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
         rows,
         (True, True, True, False, False),

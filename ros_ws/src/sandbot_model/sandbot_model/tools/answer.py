@@ -7,7 +7,7 @@ from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import doubtful_parameters, leaves_nothing, passes, with_plausible_ranges
-from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
@@ -86,12 +86,15 @@ def errors(steps: Sequence[Fit]) -> str:
     """Speed error out of sample, before → after, and the scatter of replicates or the error bars, as far as known."""
     cells = steps[-1].cells
     floor, dof = noise_floor(cells)["speed"], int(cells.pure_error_dof[0])
-    known = [step.cv_rmse_m_s for step in (steps[0], *steps[1:][-1:]) if math.isfinite(step.cv_rmse_m_s)]
+    ends = (steps[0], *steps[1:][-1:])
+    known = {step: step.cv_rmse_m_s for step in ends if math.isfinite(step.cv_rmse_m_s)}
     scattered = math.isfinite(floor) and dof > 0
     # The standard error of an rms of n values is 1/√(2n) of it.
-    stderr = CM * (floor / math.sqrt(2 * dof) if scattered else min(known, default=0.0) / math.sqrt(2 * cells.trials))
-    shown = " → ".join(to_error(CM * error, stderr) for error in known)
-    parts = [f"speed error out of sample: {shown} cm/s"] if shown else []
+    stderr = CM * (
+        floor / math.sqrt(2 * dof) if scattered else min(known.values(), default=0.0) / math.sqrt(2 * cells.trials)
+    )
+    change = " → ".join(to_error(CM * step.cv_rmse_m_s, stderr) for step in ends)
+    parts = [f"speed error out of sample: {change} cm/s{scored(*known)}"] if known else []
     scatter = "error bars of" if cells.error_bars else "replicates scatter by"
     parts += [f"{scatter} {to_error(CM * floor, stderr)} cm/s"] if scattered else []
     return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates is known"

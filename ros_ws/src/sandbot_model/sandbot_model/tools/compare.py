@@ -36,7 +36,11 @@ def _compare(argv: Sequence[str]) -> None:
     parser.add_argument("--effects", default="", metavar="a,b", help="effects to add, in this order")
     arguments.add_catalogue(parser)
     parser.add_argument(
-        "--hold", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter, k(phi) as fitted"
+        "--hold",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="one more step with a parameter held at a value; nothing is refitted: all else, and its error, as before",
     )
     parser.add_argument(
         "--selection", type=Path, metavar="FILE.yaml", help="model, effects and held values as the explorer saved them"
@@ -66,12 +70,12 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, selection.formulas)
-    _check_held(selection, model_of(selection.model, selection.effects, effects))
+    held, held_notes = _held(selection, model_of(selection.model, selection.effects, effects))
     trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)
     notes = arguments.notes(args, trials)
     cells = cells_of(trials, readings)
-    notes += cells.notes
+    notes += (*cells.notes, *held_notes)
     steps = steps_of(selection, cells, effects)
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
@@ -80,8 +84,8 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys())
         if not set(own) & set(selection.effects):
             print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
-    if selection.by_hand:
-        print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
+    if held:
+        print(filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"), "\n")
     parts = [tables.ladder(steps), tables.parameters(steps[-1])]
     parts.append(tables.fails(steps[-1], arguments.ALL if args.verbose else FEW))
     parts.append(filled(tables.lock_line(steps.lock)))
@@ -108,10 +112,19 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
             write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
 
 
-def _check_held(selection: Selection, model: "Model") -> None:
-    """Raises InputError for a held parameter that the model does not have, or an impossible value of one."""
+def _held(selection: Selection, model: "Model") -> tuple[str, list[str]]:
+    """The values held by hand as text, and notes on those outside their plausible range. Raises InputError for a
+    parameter that the model does not have, or an impossible value of one.
+    """
+    values, notes = [], []
     for name, value in selection.by_hand:
-        model.parameter(name).check(value, f"--hold {name}")
+        parameter = model.parameter(name)
+        parameter.check(value, f"--hold {name}")
+        values.append(f"{name} = {parameter.with_unit(value)}")
+        if not parameter.low <= value <= parameter.high:
+            ends = f"{parameter.low:g} to {parameter.with_unit(parameter.high)}"
+            notes.append(f"{values[-1]} is held outside its plausible range, {ends}")
+    return ", ".join(values), notes
 
 
 def _selection(args: argparse.Namespace) -> Selection:

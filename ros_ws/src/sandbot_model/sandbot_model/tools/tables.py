@@ -103,7 +103,7 @@ def _more(count: int) -> str:
 
 def candidates(discovery: Discovery, most: int) -> str:
     """Single effects and what each improves."""
-    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of\nsample\n[cm/s]", "weight"]]
+    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of\nsample\n[cm/s]", "cells\nscored", "weight"]]
     for candidate in discovery.candidates[:most]:
         rows.append(
             [
@@ -112,6 +112,7 @@ def candidates(discovery: Discovery, most: int) -> str:
                 f"{candidate.delta_chi2:+.1f}",
                 f"{candidate.delta_bic:+.1f}",
                 f"{CM * candidate.cv_rmse_m_s:.2f}" if np.isfinite(candidate.cv_rmse_m_s) else "–",
+                str(candidate.cv_cells),
                 f"{candidate.weight:.2f}",
             ]
         )
