@@ -19,6 +19,10 @@ _CENTRES = 60
 _WIDTHS = 0.5 * 0.85 ** np.arange(22)
 """Half-widths of windows, in steps: 0.5 down to 0.017 (the stance of a step of 0.3 R spans 0.095; with a soft-ground
 clock signal the fast end of one of 0.8 R 0.08)."""
+_MAX_GAP = 0.4
+"""Largest gap between the points of a cubic whose slope is used, in half-widths. A cubic fits any four groups of points,
+and bends too steeply across a kink that none of them shows: a fifth of the window without points may hide one. At
+ω = 24 rad/s a step has 13.09 frames, so few steps give groups of phases with such gaps between them."""
 _GROUP = 4
 """Points averaged for each end of a secant."""
 _MIN_SECANT = 0.003
@@ -76,7 +80,7 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     line = _featureless(folded, degree=1)
     if line is not None:
         return line.slope / seconds
-    best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se)
+    best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se, _MAX_GAP)
     secant = _steepest_secant(folded)
     if secant > _MAX_SECANT_RATIO * best.slope:
         found = f"{best.slope / seconds:.4f} m/s where it moves at {secant / seconds:.4f} m/s at least"
@@ -150,8 +154,9 @@ def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
     return np.asarray(np.interp(phase, knots, levels), dtype=float)
 
 
-def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
-    fits = [fit for centre in (np.arange(_CENTRES) + 0.5) / _CENTRES if (fit := _widest(folded, centre)) is not None]
+def _best(folded: Folded, merit: Callable[[_Fit], float], max_gap: float = np.inf) -> _Fit:
+    centres = (np.arange(_CENTRES) + 0.5) / _CENTRES
+    fits = [fit for centre in centres if (fit := _widest(folded, centre, max_gap)) is not None]
     if not fits:
         raise NotMeasured("the folded step is not sampled finely enough: more steps or another ω are needed")
     return max(fits, key=merit)
@@ -172,12 +177,13 @@ def _steepest_secant(folded: Folded) -> float:
     return found
 
 
-def _widest(folded: Folded, centre: float) -> _Fit | None:
+def _widest(folded: Folded, centre: float, max_gap: float) -> _Fit | None:
     """The more precise of a line and a cubic, each in its widest window, less a margin as a kink is detected late."""
     # Imported only here, so that reading a table does not wait for the compiler.
     from sandbot_tracking.windows import widest_fit
 
-    found, fit = widest_fit(folded.phase, folded.value, folded.deviation, folded.noise, folded.advance, centre, _WIDTHS)
+    points = folded.phase, folded.value, folded.deviation, folded.noise, folded.advance
+    found, fit = widest_fit(*points, centre, _WIDTHS, max_gap)
     return _Fit(*fit) if found else None
 
 

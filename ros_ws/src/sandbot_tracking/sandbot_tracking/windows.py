@@ -10,14 +10,18 @@ MARGIN = 0.85
 
 
 @numba.njit(cache=True)
-def widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type: ignore[no-untyped-def]
-    """Whether one of the decreasing ``widths`` fits; slope, level and their standard errors, of a line or a cubic."""
+def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap):  # type: ignore[no-untyped-def]
+    """Whether one of the decreasing ``widths`` fits; slope, level and their standard errors, of a line or a cubic.
+
+    A cubic is fitted only where its points are at most ``max_gap`` half-widths apart.
+    """
     best, found = (0.0, 0.0, 0.0, 0.0), False
     for degree in (1, 3):
+        gap = max_gap if degree == 3 else np.inf
         for half in widths:
-            good, fit = _fit(phase, value, deviation, noise, advance, centre, half, degree)
+            good, fit = _fit(phase, value, deviation, noise, advance, centre, half, degree, gap)
             if good:
-                better, narrower = _fit(phase, value, deviation, noise, advance, centre, MARGIN * half, degree)
+                better, narrower = _fit(phase, value, deviation, noise, advance, centre, MARGIN * half, degree, gap)
                 fit = narrower if better else fit
                 if not found or fit[2] < best[2]:
                     best, found = fit, True
@@ -26,14 +30,14 @@ def widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type
 
 
 @numba.njit(cache=True)
-def _fit(phase, value, deviation, noise, advance, centre, half, degree):  # type: ignore[no-untyped-def]
+def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap):  # type: ignore[no-untyped-def]
     """A polynomial fit in [centre ± half], periodic in the step; False if residuals are not noise."""
     nothing = (0.0, 0.0, 0.0, 0.0)
     turns = np.floor(phase - centre + 0.5)
     place = (phase - centre - turns) / half
     inside = np.abs(place) <= 1.0
     u, y = place[inside], (value - advance * turns)[inside]
-    if u.size < max(MIN_POINTS, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or _distinct(u) < degree + 3:
+    if u.size < max(MIN_POINTS, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or not _spread_out(u, degree + 3, max_gap):
         return False, nothing  # the slope would be an extrapolation
     design = np.ones((u.size, degree + 1))
     for power in range(1, degree + 1):
@@ -50,8 +54,10 @@ def _fit(phase, value, deviation, noise, advance, centre, half, degree):  # type
 
 
 @numba.njit(cache=True)
-def _distinct(u):  # type: ignore[no-untyped-def]
-    return np.count_nonzero(np.diff(np.sort(u)) > 0.01) + 1
+def _spread_out(u, least, max_gap):  # type: ignore[no-untyped-def]
+    """Whether there are ``least`` distinct places, none farther than ``max_gap`` from the next."""
+    gaps = np.diff(np.sort(u))
+    return np.count_nonzero(gaps > 0.01) + 1 >= least and gaps.max() <= max_gap
 
 
 @numba.njit(cache=True)
