@@ -20,9 +20,9 @@ _WIDTHS = 0.5 * 0.85 ** np.arange(22)
 """Half-widths of windows, in steps: 0.5 down to 0.017 (the stance of a step of 0.3 R spans 0.095; with a soft-ground
 clock signal the fast end of one of 0.8 R 0.08)."""
 _MAX_GAP = 0.4
-"""Largest gap between the points of a cubic whose slope is used, in half-widths. A cubic fits any four groups of points,
-and bends too steeply across a kink that none of them shows: a fifth of the window without points may hide one. At
-ω = 24 rad/s a step has 13.09 frames, so few steps give groups of phases with such gaps between them."""
+"""Largest gap between the points of a cubic whose slope is used, in half-widths. A cubic fits any four groups of points
+and may be too steep where a kink is in a gap, so no fifth of its window may be empty. At ω = 24 rad/s a step has 13.09
+frames: the phases of a few steps are in groups, with such gaps between them."""
 _GROUP = 4
 """Points averaged for each end of a secant."""
 _MIN_SECANT = 0.003

@@ -37,8 +37,10 @@ def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap)
     place = (phase - centre - turns) / half
     inside = np.abs(place) <= 1.0
     u, y = place[inside], (value - advance * turns)[inside]
-    if u.size < max(MIN_POINTS, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or not _spread_out(u, degree + 3, max_gap):
+    if u.size < max(MIN_POINTS, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5):
         return False, nothing  # the slope would be an extrapolation
+    if not _spread_out(u, degree + 3, max_gap):
+        return False, nothing
     design = np.ones((u.size, degree + 1))
     for power in range(1, degree + 1):
         design[:, power] = design[:, power - 1] * u
