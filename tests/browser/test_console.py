@@ -262,7 +262,7 @@ def test_the_queue_obeys_while_the_campaign_is_held(page, folder):
     ]
 
 
-@pytest.mark.parametrize("key", [Keys.ESCAPE, Keys.SPACE])
+@pytest.mark.parametrize("key", [Keys.ESCAPE, pytest.param(Keys.SPACE, marks=pytest.mark.whole)])
 def test_a_key_ends_air_and_holds_the_campaign(page, witness, campaign, key):
     page.click("#go")
     stopped(page, witness, lambda: witness.air, lambda: page.key(key), "air off after")

@@ -26,7 +26,9 @@ HIDDEN = {
 """A parameter's true value, and the convention that overlooks the gait's phases."""
 EACH = pytest.mark.parametrize("name", HIDDEN)
 # On another mount all of a stance lies in the slow phase. In HGCS a leg would stand for longer than half a period.
-CASES = pytest.mark.parametrize(("gait", "mount_rad"), [("SGCS", 0.0), ("SGCS", 0.5), ("HGCS", 0.0)])
+CASES = pytest.mark.parametrize(
+    ("gait", "mount_rad"), [pytest.param("SGCS", 0.0, marks=pytest.mark.whole), ("SGCS", 0.5), ("HGCS", 0.0)]
+)
 
 
 @cache

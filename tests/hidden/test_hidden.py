@@ -87,6 +87,7 @@ def test_the_deepest_of_many_valleys_is_found(seed):
     assert found.lack_of_fit_p > 0.9
 
 
+@pytest.mark.whole  # test_equivalents has classes
 @pytest.mark.slow
 def test_what_looks_alike_is_named_as_a_class():
     found = said_of("leg_slip(sigma=0.1)", phi=PHI[::2])
