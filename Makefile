@@ -26,12 +26,16 @@ ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES) tools/install_ros2_fallback
 	@rm -rf ros_ws/build ros_ws/install ros_ws/log
 	source .venv/bin/activate && cd ros_ws && colcon build --symlink-install --event-handlers console_direct- status- --executor sequential
 	.venv/bin/python tools/install_ros2_fallback.py
+	@touch $@
+
+# Also after an update: a tracker that compiles in the middle of its first trial stands still, and the trial fails.
+ros_ws/install/.compiled: ros_ws/install/.ready tools/warm_up.py $(shell grep -rl numba ros_ws/src --include=*.py)
 	@echo "trackway: compiling"
 	$(RUN) python -m compileall -q ros_ws/src
 	$(RUN) python tools/warm_up.py >/dev/null 2>&1 || { $(RUN) python tools/warm_up.py; exit 1; }
 	@touch $@
 
-setup: ros_ws/install/.ready
+setup: ros_ws/install/.compiled
 
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"

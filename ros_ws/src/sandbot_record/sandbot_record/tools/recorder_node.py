@@ -310,7 +310,7 @@ class Recorder(Node):
         recording = self._recording
         self._health.level, self._health.text = (2, recording.reason) if recording.failed else (0, "ok")
         if recording.lost and not recording.failed:
-            self._health.level, self._health.text = 1, f"{recording.lost} messages lost"
+            self._health.level, self._health.text = 1, f"{counted(recording.lost, 'message')} lost"
         state = "stopped" if recording.stopped.is_set() else "paused" if recording.paused else "recording"
         if state != "recording" and not recording.failed:
             self._health.level, self._health.text = 1, f"{state}: nothing is recorded"
