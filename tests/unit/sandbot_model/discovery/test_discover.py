@@ -51,7 +51,7 @@ def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_ra
     monkeypatch.setattr(discovering, "_with_errors", with_errors)
     found = discover(cells, FEW, max_effects=1).verdict
     assert found.status == "unexplained"
-    assert "only with stance_overlap.eta = 0." in found.because
+    assert "only with stance_overlap.eta = 0.09905 (plausible: 0.13 to 0.5)" in found.because
 
 
 def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
