@@ -60,7 +60,7 @@ def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch)
     def between(first, second):
         pair = first, second
         return [
-            NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap))
+            NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap**2))
             for omega, gap in zip((9.0, 12.0), gaps[pair], strict=True)
         ]
 
@@ -76,7 +76,7 @@ def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch)
 def test_all_that_separate_a_pair_share_the_replicates_that_it_takes(monkeypatch, gap, replicates):
     """Five conditions of the same gap; where one alone is enough with two replicates, no other is proposed."""
     places = (6.0, 9.0, 12.0, 15.0, 18.0)
-    trials = [NextTrial(0.6, omega, "speed", ("a", "b"), gap, module._replicates(gap)) for omega in places]
+    trials = [NextTrial(0.6, omega, "speed", ("a", "b"), gap, module._replicates(gap**2)) for omega in places]
     monkeypatch.setattr(module, "between", lambda *_: trials)
     monkeypatch.setattr(module.Predicted, "by", lambda name: name)
     found = next_trials(["a", "b"])

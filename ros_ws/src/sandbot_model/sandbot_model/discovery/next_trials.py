@@ -64,13 +64,13 @@ class NextTrial:
     @property
     def condition(self) -> Condition:
         """The condition to set up."""
-        pressed = self.observable == PENETRATION
+        pressed = self.kind == "reading"
         return pressed, self.phi, self.depth_m if pressed else self.omega_rad_s
 
     @property
     def where(self) -> str:
         """The condition for a reader."""
-        if self.observable == PENETRATION:
+        if self.kind == "reading":
             return f"φ {self.phi:.3f}, {round(100 * self.depth_m, 2)} cm deep"
         return ", ".join(filter(None, (f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s", self.gait)))
 
@@ -99,12 +99,15 @@ def _with_shared_replicates(
     of_pair = {trial.separates: gap for gap in gaps for trial in gap.values()}
 
     def replicates(of: NextTrial) -> int:
-        chi2 = {True: 0.0, False: 0.0}
-        for trial in chosen:
-            if (seen := of_pair[of.separates].get(trial.condition)) is not None:
-                chi2[trial.separates == of.separates] += seen.expected_gap_sd**2
+        gap = of_pair[of.separates]
+        chi2 = [
+            (trial.separates == of.separates, gap[trial.condition].expected_gap_sd ** 2)
+            for trial in chosen
+            if trial.condition in gap
+        ]
         # Those for other pairs may have the fewest replicates.
-        return max(LEAST_REPLICATES, math.ceil((SETTLED_SD**2 - LEAST_REPLICATES * chi2[False]) / chi2[True]))
+        given = LEAST_REPLICATES * sum(value for own, value in chi2 if not own)
+        return _replicates(sum(value for own, value in chi2 if own), given)
 
     return [replace(trial, replicates=replicates(trial)) for trial in chosen]
 
@@ -115,11 +118,11 @@ def _most_informative(
     """The measurement that adds most to ``separated (pairs,)``, or None. It is reported for the pair that gains most;
     if all its pairs are separated already, it is proposed only where ``LEAST_REPLICATES`` are enough."""
     taken = {trial.condition for trial in chosen}
-    readings = sum(trial.observable == PENETRATION for trial in chosen)
+    readings = sum(trial.kind == "reading" for trial in chosen)
     conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
     best, most = None, 0.0
     for key, trial in conditions.items():
-        if trial.observable == PENETRATION and readings == READINGS:
+        if trial.kind == "reading" and readings == READINGS:
             continue
         after = np.array([_weight(gap.get(key)) for gap in gaps]) + separated
         gain = np.minimum(after, SETTLED_SD**2) - np.minimum(separated, SETTLED_SD**2)
@@ -222,7 +225,7 @@ def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
         size = float(gap[p, w].max())
         at = (float(first.phi[p]), float(first.omega[w]))
-        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size), gait=first.gait))
+        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size**2), gait=first.gait))
     return found
 
 
@@ -235,12 +238,13 @@ def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
         size, depth = float(gap[level].max()), float(first.depth_m[best[level]])
         at = (float(first.phi[level]), float("nan"))
-        found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size), depth))
+        found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size**2), depth))
     return found
 
 
-def _replicates(size: float) -> int:
-    return max(LEAST_REPLICATES, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
+def _replicates(chi2: float, given: float = 0.0) -> int:
+    """Replicates, each of which is expected to add ``chi2`` to what is ``given``, that separate a pair."""
+    return max(LEAST_REPLICATES, math.ceil((SETTLED_SD**2 - given) / chi2))
 
 
 def _finer(omega: Array) -> Array:

@@ -10,6 +10,7 @@ from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.next_trials import NextTrial, known_gait
 from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.text import counted
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
@@ -22,8 +23,8 @@ def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
     """The verdict ``untested`` if the cell means can't test the model, or a gross lack of fit would pass the test; None
     if the data can refuse a model."""
     known = int(cells.pure_error_dof.max())
-    if missing := _missing_means(cells, model):
-        means, unknowns = counted(_means(cells), "cell mean"), counted(_unknowns(cells, model), "parameter")
+    if missing := _missing_means(problem := Problem(model, cells)):
+        means, unknowns = counted(problem.values, "cell mean"), counted(problem.fitted, "parameter")
         where = f"{max(CONDITIONS, missing)} new conditions"
         return _verdict(f"{means} can't test the {unknowns} of the base model; {MORE + 1} trials at each of {where}")
     if known and (passing := undetected_miss(known, criteria)) <= criteria.gross:
@@ -41,18 +42,9 @@ def _verdict(why: str) -> Verdict:
     return Verdict("untested", (), (), f"{why} would do (next trials)")
 
 
-def _missing_means(cells: Cells, model: Model) -> int:
+def _missing_means(problem: Problem) -> int:
     """Cell means without which no degree of freedom is left to test the model."""
-    return max(0, _unknowns(cells, model) + 1 - _means(cells))
-
-
-def _means(cells: Cells) -> int:
-    """Cell means and penetrometer readings."""
-    return int(np.isfinite(cells.mean).sum()) + len(cells.pressed or ())
-
-
-def _unknowns(cells: Cells, model: Model) -> int:
-    return len(model.parameters) - len(model.held) + len(cells.level_phi)
+    return max(0, problem.fitted + 1 - problem.values)
 
 
 def _no_replicates(cells: Cells) -> str:
@@ -81,7 +73,7 @@ def undetected_miss(known: int, criteria: Criteria) -> float:
 
 def to_run(cells: Cells, model: Model) -> list[NextTrial]:
     """The trials by which the model can be tested: new conditions if it has too few cell means, else repetitions."""
-    missing = _missing_means(cells, model)
+    missing = _missing_means(Problem(model, cells))
     return _new_conditions(cells, max(CONDITIONS, missing)) if missing else repeats(cells)
 
 

@@ -49,8 +49,7 @@ class Fit(Fitted):
         """Why the data determine no parameter, in words; empty if there are more cell means than unknowns."""
         if self.goodness.dof > 0:
             return ""
-        means, unknowns = int(self.problem.measured.sum()), len(self.parameters) + len(self.level_phi)
-        return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters"
+        return f"{counted(self.problem.values, 'cell mean')} can't determine {self.problem.fitted} parameters"
 
     @property
     def out_of_sample(self) -> str:

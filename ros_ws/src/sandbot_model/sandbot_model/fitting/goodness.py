@@ -52,20 +52,19 @@ class Goodness:
 
 def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
     """Errors and tests of a fitted state (one row), with its ``full_jacobian``."""
-    values = int(problem.measured.sum()) + state.pressed.shape[1]
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
-    fitted = unknowns - len(problem.model.held)
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
-    dof, z = values - fitted, residual_z(problem, state)
+    dof, z = problem.values - problem.fitted, residual_z(problem, state)
     return Goodness(
         rmse=rms(problem.cells, np.where(clear[:, None], gap, np.nan)),
         chi2=chi2,
         deviance=deviance,
         dof=dof,
-        bic=deviance + unknowns * float(np.log(values)),
+        bic=deviance + unknowns * float(np.log(problem.values)),
         lack_of_fit_p=joint_p(chi2 - excess_of_few_replicates(z, problem.cells), dof, problem.cells),
-        lack_of_fit=p_by_observable(z, problem, fitted + _shared_unknowns(problem, jacobian)) | p_of_readings(state),
+        lack_of_fit=p_by_observable(z, problem, problem.fitted + _shared_unknowns(problem, jacobian))
+        | p_of_readings(state),
     )
 
 

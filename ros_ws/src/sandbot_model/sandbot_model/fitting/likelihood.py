@@ -68,6 +68,16 @@ class Problem:
         """Which values ``(cells, 4)`` count."""
         return np.isfinite(self.cells.mean)
 
+    @property
+    def values(self) -> int:
+        """Number of cell means and penetrometer readings to fit."""
+        return int(self.measured.sum()) + len(self.cells.pressed or ())
+
+    @property
+    def fitted(self) -> int:
+        """Number of unknowns that are fitted: parameters that are not held, and k of every level."""
+        return len(self.model.parameters) - len(self.model.held) + len(self.cells.level_phi)
+
     @cached_property
     def covariance(self) -> Array:
         """Covariance of the cell means ``(cells, 4, 4)``, the unit matrix where nothing was measured."""

@@ -7,7 +7,7 @@ measure next, and how well the parameters are known. The verdict is that of ``di
 import yaml
 
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
+from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.physics.gait import ASSUMED
 from sandbot_model.report import (
     captions,
@@ -64,7 +64,10 @@ def _geometry_lock(discovery: Discovery) -> list[Section]:
     if not {"speed", "lift"} <= set(cells.observables):
         return []
     figure = Figure(
-        "lock", (captions.lock(cells),), captions.HOW_TO_READ["lock"], lambda theme: [lock.geometry_lock(cells, theme)]
+        "lock",
+        (captions.lock(cells),),
+        captions.how_to_read("lock", cells),
+        lambda theme: [lock.geometry_lock(cells, theme)],
     )
     return [Section("lock", "Do the legs hold? A test by geometry, with nothing fitted", figures=(figure,))]
 
@@ -92,7 +95,10 @@ def _maps(shown: Steps, discovery: Discovery) -> Section:
 
     names = discovery.cells.observables
     return Section(
-        "maps", "Where it fails, before and after", (captions.HOW_TO_READ["residuals"],), tuple(map(figure, names))
+        "maps",
+        "Where it fails, before and after",
+        (captions.how_to_read("residuals", discovery.cells),),
+        tuple(map(figure, names)),
     )
 
 
@@ -152,7 +158,7 @@ def _how_to_run(trials: tuple[NextTrial, ...]) -> tuple[str, ...]:
 
 def _walking_trials(trials: tuple[NextTrial, ...]) -> list[NextTrial]:
     """The proposed measurements in which the robot walks, without penetrometry."""
-    return [trial for trial in trials if trial.observable != PENETRATION]
+    return [trial for trial in trials if trial.kind == "trial"]
 
 
 def _plan(discovery: Discovery) -> tuple[Download, ...]:

@@ -12,18 +12,17 @@ from sandbot_model.report.mechanics import collapse
 from sandbot_model.report.residual_map import failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
-POINTS = "Points: mean over the replicates of a condition, bars one standard deviation of a single trial."
 PERFECT = "the error expected of a perfect model; a model falls below it by chance or by fitting the noise"
 """What the noise floor means."""
 
 HOW_TO_READ = {
-    "speed": f"{POINTS} Solid: the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. "
+    "speed": f"{{points}} Solid: the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. "
     "Dashed grey, where drawn: the base model.",
     "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "
     "Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong to either "
     "phase of the clock).",
     "ladder": "In sample: the model fitted to all trials. Out of sample: each condition that the others can predict, "
-    f"predicted by a model fitted without it. Noise floor: scatter of replicates, {PERFECT}.",
+    f"predicted by a model fitted without it. Noise floor: {{scatter}}, {PERFECT}.",
     "lock": "A leg of radius R that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
     "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
     "or gained after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift "
@@ -35,30 +34,20 @@ HOW_TO_READ = {
     "swims. Coloured: force the ground gives. Dashed: weight plus the force that brings the body to leg speed. "
     "Thin grey: the base model's.",
 }
-"""Figure → how to read it."""
-
-
-_OF_ERROR_BARS = {
-    POINTS: "Points: means as given, bars the r.m.s. of the error bars given.",
-    "scatter of replicates": "r.m.s. of the error bars given",
-}
-"""What is said instead if error bars are the pure error."""
+"""Figure → how to read it; {points} and {scatter} depend on what the pure error is of."""
 
 
 def how_to_read(figure: str, cells: Cells) -> str:
     """How to read a figure of these cells."""
-    return _by_source(HOW_TO_READ[figure], cells)
+    scatter = "r.m.s. of the error bars given" if cells.error_bars else "scatter of replicates"
+    return HOW_TO_READ[figure].format(points=points(cells), scatter=scatter)
 
 
 def points(cells: Cells) -> str:
     """What measured points and their bars are."""
-    return _by_source(POINTS, cells)
-
-
-def _by_source(found: str, cells: Cells) -> str:
-    for words, instead in _OF_ERROR_BARS.items() if cells.error_bars else ():
-        found = found.replace(words, instead)
-    return found
+    if cells.error_bars:
+        return "Points: means as given, bars the r.m.s. of the error bars given."
+    return "Points: mean over the replicates of a condition, bars one standard deviation of a single trial."
 
 
 def speed(step: Step) -> str:

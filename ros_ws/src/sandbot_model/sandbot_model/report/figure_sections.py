@@ -26,7 +26,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
         Section(
             "residuals",
             "Where the model fails",
-            text=(captions.HOW_TO_READ["residuals"],),
+            text=(captions.how_to_read("residuals", cells),),
             figures=tuple(_residual_figure(steps, name) for name in cells.observables),
         ),
         Section(
@@ -123,7 +123,7 @@ def _lock_figure(cells: Cells) -> Figure:
     return Figure(
         name="lock",
         alt=(captions.lock(cells),),
-        caption=captions.HOW_TO_READ["lock"],
+        caption=captions.how_to_read("lock", cells),
         draw=lambda theme: [lock.geometry_lock(cells, theme)],
     )
 
@@ -132,7 +132,7 @@ def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="collapse",
         alt=tuple(captions.critical(step) for step in steps),
-        caption=captions.HOW_TO_READ["critical"],
+        caption=captions.how_to_read("critical", steps[0].fit.cells),
         draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
     )
 
@@ -141,7 +141,7 @@ def _step_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="step",
         alt=tuple(captions.step_ratio(step) for step in steps),
-        caption=captions.HOW_TO_READ["step"],
+        caption=captions.how_to_read("step", steps[0].fit.cells),
         draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
     )
 
@@ -150,6 +150,6 @@ def _balance_figure(steps: tuple[Step, ...], omega_rad_s: float) -> Figure:
     return Figure(
         name="balance",
         alt=tuple(captions.balance(step, omega_rad_s) for step in steps),
-        caption=captions.HOW_TO_READ["balance"],
+        caption=captions.how_to_read("balance", steps[0].fit.cells),
         draw=lambda theme: [balance.force_balance(step, omega_rad_s, steps[0], theme) for step in steps],
     )

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sandbot_model.discovery.next_trials import PENETRATION, NextTrial, Predicted, between
+from sandbot_model.discovery.next_trials import NextTrial, Predicted, between
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import CM, NAMES, Observable
@@ -114,7 +114,7 @@ def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Sp
         "customdata": [[[trial.expected_gap_sd if trial else 0.0, _hover_text(trial)] for trial in row] for row in at],
         "hovertemplate": "%{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
     }  # fmt: skip
-    walks = [trial for trial in trials if trial.observable != PENETRATION]
+    walks = [trial for trial in trials if trial.kind == "trial"]
     stars = {
         "type": "scatter", "mode": "markers+text", "name": "next trials", "showlegend": False,
         "x": [trial.omega_rad_s for trial in walks],

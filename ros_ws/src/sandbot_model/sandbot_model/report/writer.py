@@ -1,8 +1,10 @@
 """Assembles and writes the page of a discovery or of fits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import atlas_section, page, supplement
@@ -28,20 +30,8 @@ def write_report(
     ``frames`` are (JPEG or PNG bytes, caption) of tracked video. Recordings in ``data`` that yielded no trial are
     listed with the reason. ``command`` is the command line as typed.
     """
-    bags = bags_of(data)
-    shown = steps(discovery.steps)
-    methods = supplement.methods(shown, discovery.criteria)
-    content = discovery_page(
-        discovery,
-        shown,
-        provenance(trials, discovery.cells, lost_bags(bags, trials)),
-        title=title,
-        trials=trials,
-        frames=frames,
-        opening=(supplement.origin(trials, discovery.cells, bags, command), methods),
-        atlas=atlas_section.sections(trials, discovery.steps, bags),
-    )
-    page.write(path, content)
+    of_steps = partial(discovery_page, discovery, trials=trials, title=title, frames=frames)
+    page.write(path, _page(of_steps, discovery.steps, trials, data, command, discovery.criteria))
 
 
 def write_comparison(
@@ -58,13 +48,23 @@ def write_comparison(
 
     ``frames``, ``data`` and ``command`` as in ``write_report``.
     """
-    bags, shown = bags_of(data), steps(fits)
-    content = comparison_page(
+    of_steps = partial(comparison_page, title=title, frames=frames)
+    page.write(path, _page(of_steps, fits, trials, data, command))
+
+
+def _page(
+    of_steps: Callable[..., page.Page],
+    fits: Sequence[Fit],
+    trials: Trials,
+    data: Sequence[Path],
+    command: str,
+    criteria: Criteria = DEFAULT,
+) -> page.Page:
+    """The page that ``of_steps`` makes of fits, where their trials come from, and what pages of all fits have."""
+    bags, shown, cells = bags_of(data), steps(fits), fits[0].cells
+    return of_steps(
         shown,
-        provenance(trials, fits[0].cells, lost_bags(bags, trials)),
-        title=title,
-        frames=frames,
-        opening=(supplement.origin(trials, fits[0].cells, bags, command), supplement.methods(shown)),
+        provenance(trials, cells, lost_bags(bags, trials)),
+        opening=(supplement.origin(trials, cells, bags, command), supplement.methods(shown, criteria)),
         atlas=atlas_section.sections(trials, fits, bags),
     )
-    page.write(path, content)
