@@ -1,5 +1,6 @@
 """Which topics a recorder looks at, and which messages it takes: without a graph."""
 
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -21,14 +22,20 @@ def test_all_is_all_of_its_own_namespace(space, names):
     assert looked_at == names
 
 
-@pytest.mark.parametrize(("fresh", "kept"), [(True, [103, 98]), (False, [97, 97, 103, 98])])
+@pytest.mark.parametrize(("fresh", "kept"), [(True, [103, 98]), (False, [97, 97, 103, 97, 98])])
 def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(fresh, kept):
     one, put = object.__new__(Recorder), []
-    one._selection, one._start_ns, one._trial = Selection(fresh=fresh), 100, b""
+    one._start_ns, one._trial, one._fresh_from_ns = 100, b"", sys.maxsize if fresh else 0
     one._recording = SimpleNamespace(put=lambda message, **_: put.append(message.publish_time_ns))
-    # What another trial left behind; then its own, the φ from a host whose clock is behind.
-    for topic, published_ns in ((topics.TRIAL, 97), (topics.BED_PHI, 97), (topics.TRIAL, 103), (topics.BED_PHI, 98)):
+    # What another trial left behind, some of it late; then its own, the φ from a host whose clock is behind.
+    for topic, published_ns, received_ns in (
+        (topics.TRIAL, 97, 104),
+        (topics.BED_PHI, 97, 104),
+        (topics.TRIAL, 103, 105),
+        (topics.BED_PHI, 97, 106),
+        (topics.BED_PHI, 98, 10**10),
+    ):
         source = SimpleNamespace(name=topic.name, transient=True, publishers=0)
-        info = {"received_timestamp": 104, "source_timestamp": published_ns, "publication_sequence_number": 1}
+        info = {"received_timestamp": received_ns, "source_timestamp": published_ns, "publication_sequence_number": 1}
         one._deliver(source, b"{}", info)
     assert put == kept

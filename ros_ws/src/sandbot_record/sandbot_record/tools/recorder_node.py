@@ -41,6 +41,8 @@ _DEPTH = 2000
 _BATCH_S = 0.005
 """Period of taking messages: waking up for each costs more than the message. DDS stamps them on arrival."""
 _POLL_S = 0.1
+_HISTORY_NS = 1_000_000_000
+"""Time after /trial within which latched messages of an earlier trial may still come; this trial's φ takes longer."""
 _SETTLED, _SETTLED_UNHEARD = 3, 10
 """Polls in a row without anything new before "recording to" is printed; more if a wanted topic has no publisher yet."""
 _INTERNAL = ("/rosout", "/parameter_events", "/recorder/", topics.HEARTBEAT.name)
@@ -163,6 +165,7 @@ class Recorder(Node):
         self._space = self.get_namespace().rstrip("/")
         self._selection, self._recording = selection, recording
         self._trial, self._start_ns = b"", time.time_ns()
+        self._fresh_from_ns = sys.maxsize if selection.fresh else 0
         self.done = False
         self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
         self._receiver = _Receiver(self.context, self._deliver, self._count_lost)
@@ -203,13 +206,13 @@ class Recorder(Node):
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
-        # Stamps are of the publisher's clock, and our clock may be set meanwhile: they are compared only until this
-        # trial's /trial has arrived, which comes from this host and only once we record.
-        if self._selection.fresh and source.transient and not self._trial and published < self._start_ns:
+        # Stamps are of the publisher's clock, and ours may be set meanwhile: they are compared only until soon after
+        # this trial's /trial, which comes from this host and only once we record.
+        if source.transient and published < self._start_ns and received < self._fresh_from_ns:
             return  # a latched message of an earlier trial
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
         if source.name == topics.TRIAL.name:
-            self._trial = data
+            self._trial, self._fresh_from_ns = data, min(self._fresh_from_ns, received + _HISTORY_NS)
         # The graph may report a second publisher only after its first message; the matched count is up to date.
         sole = source.publishers == 1 and source.handle.get_publisher_count() == 1
         self._recording.put(message, sole_publisher=sole)
