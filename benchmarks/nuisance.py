@@ -56,6 +56,11 @@ NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = 
         {"lift_zero_batch_sd_m": 0.2 * GRAIN_M, "speed_scale_batch_sd": 0.003},
         {"lift_zero_batch_sd_m": 0.6 * GRAIN_M, "speed_scale_batch_sd": 0.01},
     ),
+    "readings set anew each block": (
+        "replicate",
+        {"lift_zero_batch_sd_m": 0.2 * GRAIN_M, "speed_scale_batch_sd": 0.003},
+        {"lift_zero_batch_sd_m": 0.6 * GRAIN_M, "speed_scale_batch_sd": 0.01},
+    ),
     "a bad week": (
         "omega",
         {"k_batch_sd": 0.005, "k_drift": 0.01, "lift_zero_m": 0.3 * GRAIN_M, "speed_scale": 0.003},

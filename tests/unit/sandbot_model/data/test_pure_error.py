@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, pure_error
+from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, pure_error, without_batch_effects
 
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
@@ -190,3 +190,18 @@ def test_swimmers_that_do_follow_frequency_are_followed():
     slow, fast = np.median(found, axis=0)
     assert slow < 2.0
     assert fast > 0.6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_a_batch_adds_to_all_its_trials_is_no_scatter_of_replicates(seed):
+    """A lift zero of each day; controls: equal days, and days that share no cell, change nothing."""
+    residual, cell, *_ = scattered(seed=seed)
+    shape, day = np.ones((40, 4)), np.tile(np.array(["mon", "tue", "wed", "wed"]), 40)
+    zero = np.array([0.0, 1e-3, 2e-3, 2e-3])
+    off = residual + about_means(np.tile(zero, 40)[:, None] * np.array([0, 1, 0, 0]), cell, 4)
+    found = without_batch_effects(off, cell, shape, day)
+    np.testing.assert_allclose(np.sqrt((found[:, 1] ** 2).sum() / 120), SCALE[1], rtol=0.2)
+    assert np.sqrt((off[:, 1] ** 2).sum() / 120) > 1.5 * SCALE[1]
+    np.testing.assert_array_equal(found[:, [0, 2, 3]], residual[:, [0, 2, 3]])
+    np.testing.assert_array_equal(without_batch_effects(residual, cell, shape, day), residual)
+    np.testing.assert_array_equal(without_batch_effects(off, cell, shape, cell.astype(str)), off)

@@ -15,7 +15,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
-from sandbot_model.data.pure_error import pure_error
+from sandbot_model.data.pure_error import pure_error, without_batch_effects
 from sandbot_model.data.regime import peaks_seen, starts_on_both_tripods, swam_from_start, walks
 from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
 from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
@@ -204,7 +204,9 @@ def _gather(
     values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
-    of_replicates = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual, rounding)
+    shape = np.where(np.arange(len(Observable)) == Observable.lift, 1.0, mean)
+    residual = without_batch_effects(values - mean[cell], cell, shape, batch)
+    of_replicates = pure_error(residual, cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(of_replicates, cells.mean(stated_variance(stated, slope)))
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)

@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+BATCHES_DIFFER = 1e-3
+"""p-value below which replicates of different batches differ by more than those of one, so that this is not noise."""
+SINGULAR = 1e-9
+"""Variance, in that of the best known combination of batch terms, below which one is not determined."""
 EXCESS = 1e-3
 """p-value below which a cell scatters more than the others, so that its own scatter is used: near the switch between
 walking and swimming a set-point error flips single replicates, and the cell must not pass as precise."""
@@ -87,6 +91,45 @@ def pure_error(
         pooled = _power_law(variance[regime], kept[regime], omega[regime], slope, together, prior, least)
         covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
     return PureError(covariance, np.sqrt(overall), known, ~keep)
+
+
+def without_batch_effects(residual: Floats, cell: Ints, shape: Floats, batch: NDArray[np.str_]) -> Floats:
+    """Residuals ``(trials, 4)`` about cell means without what each ``batch (trials,)`` adds in proportion to ``shape
+    (cells, 4)``: 1 for an offset, the cell means for a scale. Observables whose batches do not differ are unchanged.
+    """
+    found, index = residual.copy(), np.unique(batch, return_inverse=True)[1]
+    for column in range(residual.shape[1]):
+        seen = np.isfinite(residual[:, column])
+        found[seen, column] = _about_batches(residual[seen, column], cell[seen], index[seen], shape[:, column])
+    return found
+
+
+def _about_batches(residual: Floats, cell: Ints, batch: Ints, shape: Floats) -> Floats:
+    """Residuals of one observable without their batches' terms, by least squares, if an F-test says that these differ.
+
+    Scaled so that their sum of squares per degree of freedom of the cells is the variance within batches.
+    """
+    counts = np.zeros((len(shape), int(batch.max(initial=0)) + 1))
+    np.add.at(counts, (cell, batch), 1.0)
+    in_cell, measured = np.maximum(counts.sum(axis=1), 1.0), counts.any(axis=1)
+    shape, dof = np.where(measured, shape, 0.0), len(cell) - np.count_nonzero(measured)
+    # Batches that share no cell with others add nothing to residuals about cell means.
+    shared = counts[np.count_nonzero(counts, axis=1) > 1].any(axis=0)
+    if not 1 < np.count_nonzero(shared) <= dof:
+        return residual
+    weights = counts[:, shared] * shape[:, None]
+    variance, axes = np.linalg.eigh(np.diag(weights.T @ shape) - weights.T @ (weights / in_cell[:, None]))
+    told = variance > SINGULAR * variance.max()
+    lost, axes = np.count_nonzero(told), axes[:, told] / np.sqrt(variance[told])
+    terms = np.zeros(len(shared))
+    terms[shared] = axes @ (axes.T @ np.bincount(batch, shape[cell] * residual, len(shared))[shared])
+    rest = residual - shape[cell] * (terms[batch] - (counts @ terms / in_cell)[cell])
+    if not 0 < lost < dof:
+        return residual
+    within = max(float(rest @ rest) / (dof - lost), FLOOR**2)
+    ratio = (residual @ residual - rest @ rest) / lost / within
+    differ = f_sf(np.array(ratio), np.array(float(lost)), np.array(float(dof - lost))) < BATCHES_DIFFER
+    return rest * np.sqrt(dof / (dof - lost)) if differ else residual
 
 
 def effective_dof(dof: Ints) -> Floats:
