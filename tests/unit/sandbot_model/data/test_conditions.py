@@ -114,7 +114,7 @@ def test_what_batches_are_called_is_of_no_consequence(whole):
 
     def of(*names):
         rows = [
-            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.01 * w + 0.1 * i**2, batch=names[int(w) // 4 - 1 if whole else i])
+            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.01 * w + i**2, batch=names[int(w) // 4 - 1 if whole else i])
             for w in (4.0, 8.0, 12.0) for i in range(3)
         ]  # fmt: skip
         return cells_of(from_rows(rows))

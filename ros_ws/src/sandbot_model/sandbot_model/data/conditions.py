@@ -238,7 +238,7 @@ def _gather(
 
 
 def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
-    """``batch_share`` and ``batch_mean``, in an order that does not depend on names; None where at most one is named."""
+    """``batch_share`` and ``batch_mean``, in an order independent of names; None where at most one is named."""
     if len(np.unique(batch)) < 2:
         return None, None
     # Trials without a batch are grouped by condition, as they are where no trial names any.
