@@ -103,6 +103,25 @@ def test_a_trial_that_names_no_batch_shares_one_with_those_of_its_condition_alon
         ]  # fmt: skip
         return cells_of(from_rows(rows)).batch_share
 
-    np.testing.assert_array_equal(shares("mon", "", "", ""), [[0.5, 0.0, 0.5], [0.0, 1.0, 0.0]])
+    np.testing.assert_array_equal(shares("mon", "", "", ""), [[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_array_equal(shares("mon", "tue", "mon", "tue"), [[0.5, 0.5], [0.5, 0.5]])
     assert shares("", "", "", "") is None
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_batches_are_called_is_of_no_consequence(whole):
+    """Each has conditions of its own, or trials of all of them."""
+
+    def of(*names):
+        rows = [
+            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.01 * w + i**2, batch=names[int(w) // 4 - 1 if whole else i])
+            for w in (4.0, 8.0, 12.0) for i in range(3)
+        ]  # fmt: skip
+        return cells_of(from_rows(rows))
+
+    cells, renamed = of("mon", "tue", "wed"), of("zebra", "cow", "ant")
+    np.testing.assert_array_equal(cells.batch_share, renamed.batch_share)
+    np.testing.assert_array_equal(cells.batch_mean, renamed.batch_mean)
+    # Control: share and mean of a batch stay together.
+    total = np.nansum(cells.batch_share[..., None] * cells.batch_mean, axis=1)
+    np.testing.assert_allclose(total[:, 0], cells.mean[:, 0])

@@ -51,6 +51,24 @@ def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     assert zero["prior_sd"] == USUAL.lift_zero_m
 
 
+def test_where_a_zero_denies_an_effect_errors_cover_the_fit_with_it_too(drawn):
+    """Of few trials, an overlap may as well be a zero and another Δt."""
+    cells = cells_of(drawn(("stance_overlap",), seed=2, levels=3, omega=(8, 12, 16, 20), replicates=2, noise=1.4))
+    found, other = discover(cells, OVERLAP, max_effects=1), fit(model_of("simple", ("stance_overlap",), OVERLAP), cells)
+    assert found.verdict.status == "adequate"
+    assert "would be identified: stance_overlap (standard errors of Δt and k cover both)" in found.verdict.because
+    here, there = found.fit.parameters["delta_t_s"], other.parameters["delta_t_s"]
+    own = averaged_over_scatter(found.fit, DEFAULT).parameters["delta_t_s"].stderr
+    rms = np.sqrt((own**2 + there.stderr**2 + (there.value - here.value) ** 2) / 2)
+    assert here.stderr == pytest.approx(rms, rel=0.05)
+    assert here.stderr > 1.5 * own
+    assert (found.fit.k_stderr_n_per_m > 0.7 * np.abs(other.k_n_per_m - found.fit.k_n_per_m)).all()
+    # Control: nothing is denied.
+    clean = verdict(table(drawn))
+    assert clean.verdict.status == "adequate"
+    assert "cover both" not in clean.verdict.because
+
+
 def test_a_zero_farther_off_than_is_believed_is_no_explanation_but_is_said(drawn):
     far = verdict(table(drawn, lift_zero_m=4e-3)).verdict
     assert far.status == "unexplained"

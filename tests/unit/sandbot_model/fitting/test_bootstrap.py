@@ -82,3 +82,9 @@ def test_a_day_for_each_level_can_stand_for_no_other():
     trials = table(3)
     days = replace(trials, batch=np.array([f"phi{phi}" for phi in trials.phi]))
     assert bootstrap(days, MODEL, 3) == bootstrap(trials, MODEL, 3)
+
+
+def test_what_days_are_called_does_not_change_which_are_drawn():
+    shared = on_days(1e-3)
+    renamed = replace(shared, batch=np.array([f"day{9 - int(day[3:])}" for day in shared.batch]))
+    assert bootstrap(renamed, MODEL, 3, seed=1) == bootstrap(shared, MODEL, 3, seed=1)

@@ -1,5 +1,6 @@
 import dataclasses
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.fitting.text import LACK_OF_FIT, UNDETERMINED, to_error, with_error
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
@@ -132,6 +134,19 @@ def test_it_prints_as_a_person_would_write_it(slipping):
     delta_t = slipping.parameters["delta_t_s"]
     assert f"delta_t_s                   {delta_t.value:.4f} ± {delta_t.stderr:.4f} s\n" in said
     assert f"{100 * slipping.rmse_m_s:.2f} cm/s in sample" in said
+
+
+def test_a_model_with_lack_of_fit_is_given_without_standard_errors(slipping):
+    rejected = replace(slipping, goodness=replace(slipping.goodness, lack_of_fit_p=0.9 * LACK_OF_FIT))
+    value, stderr = slipping.parameters["delta_t_s"]
+    assert f"delta_t_s                   {to_error(value, stderr)} s\n" in repr(rejected)
+    assert "±" not in repr(rejected)
+    assert rejected.value_text(value, np.nan) == UNDETERMINED
+    assert rejected.to_dict()["parameters"] == slipping.to_dict()["parameters"]
+    # Controls: no lack of fit, and none that could be tested.
+    for p in (1.1 * LACK_OF_FIT, np.nan):
+        passing = replace(slipping, goodness=replace(slipping.goodness, lack_of_fit_p=p))
+        assert passing.value_text(value, stderr) == with_error(value, stderr)
 
 
 def test_its_tables_hold_its_numbers(slipping):

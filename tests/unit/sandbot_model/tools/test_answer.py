@@ -23,7 +23,7 @@ from sandbot_model.explore import views
 from sandbot_model.explore.actions import can_adopt, with_verdict
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.goodness import FAIL_Z
-from sandbot_model.fitting.text import counted, table, to_error, wrapped
+from sandbot_model.fitting.text import NO_ERROR, counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.variants import with_variants
@@ -94,6 +94,18 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+def test_no_standard_error_is_given_where_a_model_fails_and_that_is_said(two):
+    fit = two.fit
+    failing = replace(fit, goodness=replace(fit.goodness, lack_of_fit_p=1e-9))
+    for told in (answer.of_comparison([failing]), tables.parameters(failing)):
+        assert "±" not in told
+        assert NO_ERROR in " ".join(told.split())
+    # Control.
+    for told in (answer.of_comparison([fit]), tables.parameters(fit)):
+        assert "±" in told
+        assert NO_ERROR not in " ".join(told.split())
 
 
 @pytest.mark.parametrize("left_out", [0, 1])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_record.trials.copies import mark_copies
+from sandbot_record.trials.copies import also_in, mark_copies
 from sandbot_record.trials.frame import from_frame
 from sandbot_record.trials.read import read
 from sandbot_record.trials.table import Row
@@ -112,6 +112,52 @@ def test_rows_of_different_conditions_are_copies_only_by_their_many_digits():
 def test_trials_that_failed_alike_are_no_copies():
     rows = [replace(row, speed_m_s=math.nan, status="no markers") for row in pasted(table())]
     assert mark_copies(rows) == (rows, [])
+
+
+def shuffled(rows, seed=0):
+    order = np.random.default_rng(seed).permutation(len(rows))
+    return [replace(rows[at], trial_id=f"again{n}", batch="Tue") for n, at in enumerate(order)]
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"decimals": 4}, {"decimals": 4, "replicates": 1}, {"decimals": 3, "missed": 1e-3}]
+)
+def test_a_table_in_another_row_order_or_a_part_of_it_is_in_the_table(how):
+    rows = table(phi=SIX_PHI, **how)
+    again = shuffled(rows)
+    for part in (again, again[:8]):
+        assert also_in(part, rows) == {row.trial_id for row in part}
+        assert len(also_in(rows, part)) == len(part)
+    # Control: neither contains the other.
+    changed = replace(again[0], speed_m_s=0.1234)
+    assert also_in([changed, *again[1:]], rows) == set()
+    assert also_in([*again[1:], again[1]], rows) == set()
+
+
+@pytest.mark.parametrize(("decimals", "scatter"), [(2, 5e-3), (3, 5e-4)])
+def test_a_day_all_of_whose_rounded_values_another_day_has_too_is_a_day(decimals, scatter):
+    rows = table(decimals=decimals, scatter=scatter, replicates=40)
+    day = table(2, decimals=decimals, scatter=scatter, replicates=3)
+    assert {(row.phi, row.omega_rad_s, row.speed_m_s) for row in day} <= {
+        (row.phi, row.omega_rad_s, row.speed_m_s) for row in rows
+    }
+    assert also_in(day, rows) == set()
+    single = table(decimals=3)
+    assert also_in([replace(single[2], trial_id="again")], single) == set()
+
+
+def test_a_table_given_again_in_another_row_order_counts_once(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    rows = table(phi=SIX_PHI, decimals=4)
+    for name, some in (("a.csv", rows), ("b.csv", shuffled(rows)), ("c.csv", table(2, phi=SIX_PHI, decimals=4))):
+        columns = [{"phi": r.phi, "omega_rad_s": r.omega_rad_s, "speed_m_s": r.speed_m_s} for r in some]
+        pandas.DataFrame(columns).to_csv(tmp_path / name, index=False)
+    once, twice = read(tmp_path / "a.csv"), read([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert [str(row) for row in twice.rows()] == [str(row) for row in once.rows()]
+    assert twice.unread == (
+        f"{len(rows)} trials of {tmp_path / 'b.csv'} are also in the data before it and are counted once",
+    )
+    assert len(read([tmp_path / "a.csv", tmp_path / "c.csv"])) == 2 * len(rows)
 
 
 def test_by_either_door(tmp_path):

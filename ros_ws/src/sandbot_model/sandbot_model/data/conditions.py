@@ -240,15 +240,18 @@ def _gather(
 
 
 def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
-    """``batch_share`` and ``batch_mean``; None where at most one batch is named."""
+    """``batch_share`` and ``batch_mean``, in an order independent of names; None where at most one is named."""
     if len(np.unique(batch)) < 2:
         return None, None
     # Trials without a batch are grouped by condition, as they are where no trial names any.
     own_condition = np.char.add("\0", cells.index.astype(str))
     names, index = np.unique(np.where(batch == "", own_condition, batch), return_inverse=True)
     own = index[:, None] == np.arange(len(names))
-    means = [cells.means(np.where(of[:, None], values, np.nan)) for of in own.T]
-    return cells.means(own.astype(float)), np.stack(means, axis=1)
+    share = cells.means(own.astype(float))
+    mean = np.stack([cells.means(np.where(of[:, None], values, np.nan)) for of in own.T], axis=1)
+    # By the cells of each batch, then by their means: a sample of the posterior depends on the order of its unknowns.
+    by_content = np.lexsort(np.concatenate([np.nan_to_num(mean).swapaxes(1, 2).reshape(-1, len(names)), share]))
+    return share[:, by_content], mean[:, by_content]
 
 
 def _run_position(order: Floats, cells: _Groups) -> Floats | None:

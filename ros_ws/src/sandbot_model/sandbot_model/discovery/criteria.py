@@ -6,6 +6,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_common.typed import is_a
+from sandbot_model.fitting.text import LACK_OF_FIT
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Criteria:
     more effects that are present, a lower one claims more that are absent.
     """
 
-    lack_of_fit: float = 5e-3
+    lack_of_fit: float = LACK_OF_FIT
     """p-value of the joint lack-of-fit test below which a model is rejected."""
     lack_of_fit_of_one: float = 3e-4
     """The same for the test of each of the four observables."""

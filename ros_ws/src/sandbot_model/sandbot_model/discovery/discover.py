@@ -35,7 +35,8 @@ from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
+from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, implausible_k
@@ -214,11 +215,15 @@ def _discovered(
     doubted = doubts(cells)
     preset = _robot_in_doubt(doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
+    rival = _identified_without_nuisances(search, found)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
+    if rival:
+        reported = averaged_with(reported, rival)
+        verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
     floor = noise_floor(cells)
     hidden, trials = _hidden_and_next_trials(search, verdict, named)
     verdict = _with_remarks(search, verdict, named, hidden, trials)
@@ -241,6 +246,15 @@ def _discovered(
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
+
+
+def _identified_without_nuisances(search: EffectSearch, found: Shared) -> Fit | None:
+    """What would be identified without the zero, scale or drift with which the base model is adequate; None if nothing
+    would."""
+    if found.verdict.status != "adequate" or not significant(found.named):
+        return None
+    plain = judge(search.fits, search.criteria)
+    return search.fits[plain.effects] if plain.status == "identified" else None
 
 
 def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:

@@ -1,7 +1,7 @@
 """Nuisances of a fit, with their priors, and REML estimates of how far batches differ, linearised about the fit.
 
 ``nuisances_for`` builds them for given batch SDs; ``estimated_batch_sd`` finds these SDs; ``averaged_over_scatter``
-gives standard errors averaged over the posterior of σ_b.
+gives standard errors averaged over the posterior of σ_b, ``averaged_with`` over two models.
 """
 
 from collections.abc import Sequence
@@ -115,6 +115,19 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     scatter = float(np.sqrt(probability(gain) @ sizes**2))
     beside = Problem(fit.model, fit.cells, nuisances_for(fit, criteria, batch_sd_of(fit).with_sd(BATCH, scatter)))
     return with_sampled_errors(averaged, beside)
+
+
+def averaged_with(fit: Fit, other: Fit) -> Fit:
+    """The same fit with the rms errors about it of both models, which explain the same data: either may be true.
+
+    ``other`` has all parameters of the fit, and more.
+    """
+    names = list(other.model.names)
+    own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
+    there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
+    away = np.where(np.isnan(fit.stderr + other.stderr[own]), 0.0, there[own] - here)
+    moments = (fit.covariance + other.covariance[np.ix_(own, own)] + np.outer(away, away)) / 2
+    return replace(fit, stderr=np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments))), covariance=moments)
 
 
 def _scatter_posterior(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:

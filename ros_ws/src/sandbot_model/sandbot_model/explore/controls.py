@@ -14,6 +14,7 @@ from sandbot_model.explore.condition import condition_of
 from sandbot_model.explore.effect_list import symbols
 from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import TITLES, Slider
+from sandbot_model.fitting.text import NO_ERROR
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
@@ -110,7 +111,7 @@ def _key(name: str) -> str:
 
 def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:
     """Fitted values with errors and units."""
-    return table("Fitted values ± standard error", ("parameter", "value", "unit"), rows)
+    return table(f"Fitted values ± standard error; {NO_ERROR}", ("parameter", "value", "unit"), rows)
 
 
 def _floor(floor_m_s: float) -> str:

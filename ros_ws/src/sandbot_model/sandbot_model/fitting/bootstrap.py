@@ -83,13 +83,13 @@ def _redraw(
 
 
 def _batches(trials: Trials) -> list[Ints]:
-    """Indices of the trials of each batch, if batches are exchangeable; otherwise none."""
+    """Indices of the trials of each batch, in the table's order, if batches are exchangeable; otherwise none."""
     names, batch = np.unique(np.asarray(trials.batch, dtype=str), return_inverse=True)
     level = np.asarray(phi_levels(np.asarray(trials.phi, dtype=float)))
     everywhere = len(set(zip(batch.tolist(), level.tolist(), strict=True))) == len(names) * len(np.unique(level))
     if len(names) < LEAST_BATCHES or "" in names or not everywhere:
         return []
-    return [np.flatnonzero(batch == index) for index in range(len(names))]
+    return sorted((np.flatnonzero(batch == index) for index in range(len(names))), key=lambda group: int(group[0]))
 
 
 def _cells(trials: Trials) -> list[Ints]:

@@ -18,12 +18,14 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
 from sandbot_model.fitting.text import (
+    LACK_OF_FIT,
     UNDETERMINED,
     WIDTH,
     cm_s,
     counted,
     html_table,
     probability,
+    to_error,
     with_error,
     with_unit,
 )
@@ -50,6 +52,11 @@ class Fit(Fitted):
         if self.goodness.dof > 0:
             return ""
         return f"{counted(self.problem.values, 'cell mean')} can't determine {self.problem.fitted} parameters"
+
+    @property
+    def misfits(self) -> bool:
+        """Whether the model shows lack of fit: its standard errors then have no meaning."""
+        return self.lack_of_fit_p < LACK_OF_FIT
 
     @property
     def out_of_sample(self) -> str:
@@ -173,8 +180,10 @@ class Fit(Fitted):
         return f"{value:.4g}, held" if name in self.model.held else self.value_text(value, stderr)
 
     def value_text(self, value: float, stderr: float) -> str:
-        """A fitted value ± standard error; "not determined" unless there are more cell means than unknowns."""
-        return UNDETERMINED if self.undetermined else with_error(value, stderr)
+        """A fitted value ± standard error, or only rounded to it if the model ``misfits``; "not determined" unless
+        there are more cell means than unknowns."""
+        text = UNDETERMINED if self.undetermined else with_error(value, stderr)
+        return to_error(value, stderr) if self.misfits and text != UNDETERMINED else text
 
 
 def scored(*fits: Fit) -> str:

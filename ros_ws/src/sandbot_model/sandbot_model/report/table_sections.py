@@ -8,6 +8,7 @@ from markupsafe import Markup, escape
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.text import NO_ERROR
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml_lines, plain
@@ -83,7 +84,8 @@ def parameters(steps: tuple[Step, ...]) -> Section:
     order = " The last step comes first; each column is headed by what its step adds." if len(steps) > 1 else ""
     nuisance_note = "" if last.fit.nuisances is None else f" {NUISANCE_NOTE.format(last.label)}"
     table = Table(
-        f"Fitted value ± standard error; – where the model does not have the parameter.{order}{nuisance_note}",
+        f"Fitted value ± standard error, {NO_ERROR}; – where the model does not have the "
+        f"parameter.{order}{nuisance_note}",
         ("parameter", "unit", *_added(steps)[::-1]),
         rows,
         (True, True, *(False for _ in steps)),

@@ -9,7 +9,7 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import doubtful_parameters, leaves_nothing, passes, with_plausible_ranges
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
-from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
+from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.variants import Variant
 from sandbot_model.report.effect_facts import words
@@ -111,4 +111,4 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
         owner, _, parameter = full.rpartition(".")
         value = fit.value_text(*estimate)
         if owner == name and value != UNDETERMINED:
-            yield f"{parameter} = {value}{unit_and_doc[parameter]}"
+            yield f"{parameter} = {value}{unit_and_doc[parameter]}{f'; {NO_ERROR}' if fit.misfits else ''}"

@@ -10,7 +10,7 @@ from sandbot_model.data.regime import walks
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import UNDETERMINED, counted, table
+from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
@@ -59,7 +59,7 @@ def parameters(fit: Fit) -> str:
     rows = [["parameter", "value", ""]]
     for name, estimate in fit.estimates():
         rows.append([name, estimate, _remark(fit, name, estimate)])
-    return table(rows)
+    return table(rows) + (f"\n{NO_ERROR}" if fit.misfits else "")
 
 
 def _remark(fit: Fit, name: str, estimate: str) -> str:

@@ -16,8 +16,11 @@ SET_POINT_DECIMALS = 3
 """A φ of at most so many decimals is taken for a set-point, not a measurement."""
 TELLING_DIGITS = 3
 """Digits from which a value tells trials apart; 0 or 0.02 m/s is measured again and again."""
+COMMON_DIGITS = 2
+"""Leading digits that replicates share: each further digit agrees by chance once in ten."""
 BY_CHANCE = 1e-3
-"""Expected number of blocks as long that repeat by chance, below which a block was pasted."""
+"""Expected number of blocks as long that repeat by chance, or chance that all trials of a table agree with trials of
+another, below which it is a copy."""
 TOO_OFTEN = 10
 """Number of equal rows beyond which they are due to rounding."""
 MOST_NAMED = 5
@@ -41,6 +44,37 @@ def mark_copies(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
         "1 trial is an exact copy of another" if len(named) == 1 else f"{len(named)} trials are exact copies of others"
     )
     return marked, [f"{are} and counted once: {', '.join(named[:MOST_NAMED])}{more}"]
+
+
+def also_in(rows: Sequence[Row], other: Sequence[Row]) -> set[str]:
+    """Ids of the ``rows`` that are in another table too, if one of both contains all counted trials of the other, in
+    any order, and more of them than agree by chance; else none."""
+    own, there = ([row for row in table if row.status == OK] for table in (rows, other))
+    left = Counter(map(_values, there))
+    found = []
+    for row in own:
+        if left[_values(row)]:
+            left[_values(row)] -= 1
+            found.append(row)
+    is_copy = len(found) == min(len(own), len(there)) and _chance_of(found, max(own, there, key=len)) < BY_CHANCE
+    return {row.trial_id for row in found} if is_copy else set()
+
+
+def _chance_of(found: Sequence[Row], table: Sequence[Row]) -> float:
+    """Chance that each of the rows found has an equal among its replicates in a table.
+
+    Two replicates are equal as often as those of the table are, at least as often as their digits suggest.
+    """
+    condition = {at: _set_point(row) for at, row in enumerate(table) if _is_telling(row)}
+    pairs = _pairs_of_replicates(condition, [*map(_values, table)]).values()
+    number, equal = sum(number for number, _ in pairs), sum(equal for _, equal in pairs)
+    replicates = Counter(condition.values())
+    suggested = (10.0 ** -sum(max(digits(value) - COMMON_DIGITS, 0) for value in measured(row)) for row in found)
+    return math.prod(
+        min(1.0, replicates[_set_point(row)] * max(chance, equal / max(number, 1)))
+        for row, chance in zip(found, suggested, strict=True)
+        if _is_telling(row)
+    )
 
 
 def _copies_by_digits(rows: Sequence[Row]) -> dict[int, str]:
@@ -133,6 +167,11 @@ def measured(row: Row) -> tuple[float, ...]:
 
 def _condition(row: Row) -> tuple[float, float, str]:
     return row.phi, row.omega_rad_s, row.gait
+
+
+def _values(row: Row) -> str:
+    """Condition and observables to 9 digits: unit conversion changes the last."""
+    return " ".join(f"{value:.9g}" for value in (row.phi, row.omega_rad_s, *measured(row))) + row.gait
 
 
 def _set_point(row: Row) -> tuple[float, float, str]:

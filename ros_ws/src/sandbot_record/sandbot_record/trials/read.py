@@ -1,13 +1,13 @@
 """``read(DATA)``: the single way by which analysis gets its data, from a campaign folder, bags or any trials CSV."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
-from sandbot_record.trials.copies import digits, mark_copies, measured
+from sandbot_record.trials.copies import also_in, digits, mark_copies, measured
 from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
 from sandbot_record.trials.order import in_order
@@ -63,8 +63,8 @@ def named(given: Sequence[Path | str]) -> str:
 
 
 def _with_batches(given: Sequence[Path | str], tables: list[list[Row]]) -> list[list[Row]]:
-    """The same rows; if there are several tables, each without any batch becomes one, unless it is a single trial."""
-    if len(tables) == 1:
+    """The same rows; of several tables with rows, each without any batch becomes one, unless it is a single trial."""
+    if sum(map(bool, tables)) == 1:
         return tables
     return [
         rows if len(rows) < 2 or any(row.batch for row in rows) else [replace(row, batch=str(path)) for row in rows]
@@ -85,17 +85,16 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list
     """The rows of each table that are not in earlier ones, and a note for each table of which some are."""
     joined: list[list[Row]] = []
     notes: list[str] = []
-    earlier: list[dict[str, Row]] = []
+    earlier: list[list[Row]] = []
     first_with: dict[str, Path] = {}
     for path, table in zip(given, tables, strict=True):
         own, campaign_of = table.rows(), _campaign_of(Path(path))
         check_ids(own, [str(path)] * len(own))
-        by_id = {row.trial_id: row for row in own}
-        known = set[str]().union(*(_shared_trials(by_id, other) for other in earlier))
+        known = set[str]().union(*(_shared_trials(own, other) | also_in(own, other) for other in earlier))
         new = [row for row in own if row.trial_id not in known]
         if known:
             notes.append(f"{len(known)} trials of {path} are also in the data before it and are counted once")
-        earlier.append(by_id)
+        earlier.append(own)
         taken = {row.trial_id for earlier_rows in joined for row in earlier_rows}
         joined.append([])
         for row in new:
@@ -107,11 +106,12 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list
     return joined, notes
 
 
-def _shared_trials(first: Mapping[str, Row], second: Mapping[str, Row]) -> set[str]:
+def _shared_trials(rows: Sequence[Row], other: Sequence[Row]) -> set[str]:
     """Ids of the trials that two tables share: all common ids if none of these trials differs; else those of equal
     trials with a given name and enough digits to exclude chance. The 7th rows of two days are different trials, even if
     their rounded speeds agree.
     """
+    first, second = ({row.trial_id: row for row in table} for table in (rows, other))
     common = first.keys() & second.keys()
     pairs = {name: (first[name], second[name]) for name in common}
     alike = {name for name, (a, b) in pairs.items() if _as_text(a) == _as_text(b) or _same_start(a, b)}
