@@ -1,6 +1,7 @@
 """All available effects: the project's, those of installed packages, of a user's file, and formulas."""
 
 import importlib.util
+import pickle
 import re
 import sys
 import zlib
@@ -119,7 +120,7 @@ def _check_parameters(effect: Effect, where: str) -> None:
 
 
 def _try(effect: Effect, where: str) -> None:
-    """Run the effect, so that mistakes show before any fit."""
+    """Run and pickle the effect, so that mistakes show before any fit."""
     place = f"{where}: {type(effect).__name__}.apply"
     values = {parameter.name: np.asarray(parameter.start, dtype=float) for parameter in effect.parameters}
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
@@ -136,6 +137,13 @@ def _try(effect: Effect, where: str) -> None:
         raise InputError(f"{place}: gives no finite number at the start values of its parameters")
     if not acts:
         raise InputError(f"{place}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
+    try:
+        pickle.dumps(effect)
+    except Exception as error:
+        raise InputError(
+            f"{where}: {type(effect).__name__}: can't be sent to worker processes: {_one_line(error)}; keep functions "
+            "and locks at the top of the file, not in the effect"
+        ) from error
 
 
 def _one_line(error: BaseException) -> str:
