@@ -108,10 +108,13 @@ def to_mapping(robot: Robot) -> dict[str, Any]:
     return dataclasses.asdict(robot) | {"leg_order": list(robot.leg_order)}
 
 
-def difference(one: Robot, other: Robot) -> str:
-    """The parameters in which two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if they are equal."""
+def difference(one: Robot, other: Robot, form: str = "{} {} and {}") -> str:
+    """The parameters in which two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if they are equal.
+
+    ``form`` has places for the name, the value of one and that of the other.
+    """
     pairs = ((spec.name, getattr(one, spec.name), getattr(other, spec.name)) for spec in specs(Robot))
-    return ", ".join(f"{name} {_text(left)} and {_text(right)}" for name, left, right in pairs if left != right)
+    return ", ".join(form.format(name, _text(left), _text(right)) for name, left, right in pairs if left != right)
 
 
 def _text(value: Any) -> str:
