@@ -14,7 +14,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name, is_range
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.formula import formula_effect
@@ -108,7 +108,8 @@ def _check_parameters(effect: Effect, where: str) -> None:
         if not isinstance(parameter, Parameter):
             raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
-        if not all(isinstance(value, int | float) and np.isfinite(value) for value in numbers) or not low < high:
+        known = all(isinstance(value, int | float) and np.isfinite(value) for value in numbers)
+        if not (known and is_range(low, high)):
             raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
         if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
