@@ -35,7 +35,7 @@ def main(data: Path) -> int:
         drawn = collect(trials, fits[:1], {})
         for column, (found, words) in zip(panels.T, zip(fits, ("without", "with"), strict=True), strict=True):
             material = replace(drawn, fits=(found,))
-            phi_panel(column[0], material)
+            phi_panel(column[0], material, loc="upper left")
             omega_panel(column[1], material)
             column[0].set_title(f"{words} disturbed ground: error {CM * found.cv_rmse_m_s:.1f} cm/s out of sample")
         for panel in np.ravel(panels):

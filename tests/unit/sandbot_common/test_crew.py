@@ -15,6 +15,11 @@ def test_worker_processes_keep_the_order():
         assert list(spread(abs, range(-20, 0))) == list(range(20, 0, -1))
 
 
+def test_what_cannot_be_pickled_is_an_error_and_no_endless_wait():
+    with pytest.raises(AttributeError, match="lambda"), Processes(2).map() as spread:
+        list(spread(lambda one: one, range(4)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_an_end_leaves_no_worker_behind(sent, code):

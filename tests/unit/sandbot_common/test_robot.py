@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -65,6 +66,13 @@ def test_what_the_file_leaves_out_is_sandbots(tmp_path):
     assert difference(Robot(leg_radius_m=0.05), SANDBOT) == "leg_radius_m 0.05 and 0.0355"
     two = Robot(legs_per_tripod=1, leg_order=("left", "right"))
     assert difference(two, SANDBOT).startswith("legs_per_tripod 1 and 3, leg_order [left, right] and [front_left, ")
+
+
+@pytest.mark.parametrize("mass", [-1.0, math.nan, math.inf, "heavy"])
+def test_a_robot_made_in_python_is_checked_too(mass):
+    with pytest.raises(InputError, match=r"^robot: mass_per_leg_kg: "):
+        replace(SANDBOT, mass_per_leg_kg=mass)
+    assert replace(SANDBOT, mass_per_leg_kg=1).mass_per_leg_kg == 1
 
 
 def test_every_measure_tells_its_unit():

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -58,7 +59,10 @@ class Processes:
 
         def spread(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
             # A single task runs here: workers forked later inherit what it loads and compiles.
-            return map(function, tasks) if len(tasks) == 1 else forked.map(function, tasks)
+            if len(tasks) == 1:
+                return map(function, tasks)
+            # Pickled here: in the pool's own thread an error of pickling would let ``shutdown`` wait for ever.
+            return forked.map(_call, [pickle.dumps((function, task)) for task in tasks])
 
         try:
             yield spread
@@ -68,6 +72,11 @@ class Processes:
     def executor(self) -> Executor:
         """Spawned workers: forked ones would inherit the state of the parent's threads (numba, DDS)."""
         return pool(self.size, "spawn")
+
+
+def _call(pickled: bytes) -> Any:
+    function, task = pickle.loads(pickled)
+    return function(task)
 
 
 def one_a_cpu() -> Processes:

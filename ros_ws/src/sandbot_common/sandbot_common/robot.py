@@ -10,7 +10,7 @@ from typing import Any
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json, parse_yaml, read_yaml
-from sandbot_common.parameters import from_mapping, parameter, specs
+from sandbot_common.parameters import check, from_mapping, parameter, specs
 from sandbot_common.topics import LEGS
 
 FILE = "robot.yaml"
@@ -21,7 +21,7 @@ MAX_TRIPOD = 4
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot on c-legs in two tripods; SandBot (Li09) by default. Raises InputError for inconsistent values."""
+    """A robot on c-legs in two tripods; SandBot (Li09) by default. Raises InputError for values out of range."""
 
     leg_radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.005, high=0.5)
     axle_height_m: float = parameter(0.025, unit="m", doc="axle height h above the flat belly", low=0.0, high=1.0)
@@ -51,7 +51,9 @@ class Robot:
     )
 
     def __post_init__(self) -> None:
-        """Checks that involve several parameters."""
+        """Checks of each parameter, then of those that depend on each other."""
+        for spec in specs(Robot):
+            check(spec, getattr(self, spec.name), "robot")
         for name, high, what in (
             ("axle_height_m", 2 * self.leg_radius_m, "twice leg_radius_m: the legs would not reach below the belly"),
             ("leg_width_m", 2 * self.leg_radius_m, "twice leg_radius_m: a leg wider than its own circle"),
@@ -106,10 +108,13 @@ def to_mapping(robot: Robot) -> dict[str, Any]:
     return dataclasses.asdict(robot) | {"leg_order": list(robot.leg_order)}
 
 
-def difference(one: Robot, other: Robot) -> str:
-    """The parameters in which two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if they are equal."""
+def difference(one: Robot, other: Robot, form: str = "{} {} and {}") -> str:
+    """The parameters in which two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if they are equal.
+
+    ``form`` has places for the name, the value of one and that of the other.
+    """
     pairs = ((spec.name, getattr(one, spec.name), getattr(other, spec.name)) for spec in specs(Robot))
-    return ", ".join(f"{name} {_text(left)} and {_text(right)}" for name, left, right in pairs if left != right)
+    return ", ".join(form.format(name, _text(left), _text(right)) for name, left, right in pairs if left != right)
 
 
 def _text(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -12,15 +13,17 @@ from made_up import BOOST
 
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.previews import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, folded, helps, ordered
+from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.formula import formula_effect
 from sandbot_model.report.captions import HOW_TO_READ, PERFECT
 from sandbot_model.report.drawings import MOTIFS, drawing
 
 pytestmark = pytest.mark.slow  # together seconds
 
 NAMES = [effect.identifier for effect in CATALOGUE]
-PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1) | st.just(math.nan), st.floats(0, 1)))
+PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1), st.floats(0, 1e3) | st.just(math.nan)))
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +71,12 @@ def test_a_switch_keeps_what_the_page_shows_and_holds(client):
 
 def test_what_does_not_help_is_folded_and_what_is_on_is_not(client, session):
     on = Selection(effects=("cohesion",))
-    now = session.step(on).fit.rmse_m_s
-    shown, folded = client.get("/effects?effect=cohesion").text.split("<details class='rest'>")
+    now = session.step(on).fit.bic
+    shown, hidden = client.get("/effects?effect=cohesion").text.split("<details class='rest'>")
     for name, preview in session.previews(on).items():
         useful = name == "cohesion" or helps(preview, now)
         assert (f'<article class="card" id="{name}"' in shown) == useful
-        assert (f'<article class="card" id="{name}"' in folded) != useful
+        assert (f'<article class="card" id="{name}"' in hidden) != useful
 
 
 def test_an_effect_of_ones_own_has_a_card_without_a_drawing(client):
@@ -111,9 +114,9 @@ def test_the_order_loses_nothing_and_puts_what_helps_most_first(previews, data):
         assert names == list(previews)
         return
     assert set(names[: len(on)]) == set(on)
-    errors = [error for error, _ in (previews[name] for name in names[len(on) :]) if math.isfinite(error)]
-    assert errors == sorted(errors)
-    assert not any(math.isnan(previews[name][0]) for name in names[len(on) : len(on) + len(errors)])
+    bics = [bic for _, bic in (previews[name] for name in names[len(on) :]) if math.isfinite(bic)]
+    assert bics == sorted(bics)
+    assert not any(math.isnan(previews[name][1]) for name in names[len(on) : len(on) + len(bics)])
 
 
 def test_the_change_is_told_from_before_to_after_and_whether_it_helps():
@@ -121,7 +124,15 @@ def test_the_change_is_told_from_before_to_after_and_whether_it_helps():
     assert change_of((0.03, 0.02), True, 0.01) == "3.00 → 1.00 cm/s"
     assert change_of(None, False, 0.01) == "…"
     assert change_of((math.nan, math.nan), False, 0.01) == "no fit"
-    assert helps(None, 0.01)
-    assert helps((0.009, 0.01), 0.01)
-    assert not helps((0.0099, 0.01), 0.01)
-    assert not helps((math.nan, math.nan), 0.01)
+    assert helps(None, 200.0)
+    assert helps((0.01, 199.0), 200.0)
+    assert not helps((0.009, 201.0), 200.0)
+    assert not helps((math.nan, math.nan), 200.0)
+
+
+def test_an_effect_of_ones_own_is_never_folded():
+    now = SimpleNamespace(effects=("cohesion",), bic=200.0)
+    own, slip, on = formula_effect(BOOST), catalogue()["leg_slip"], catalogue()["cohesion"]
+    worse = (0.01, 201.0)
+    assert [folded(effect, worse, now) for effect in (own, slip, on)] == [False, True, False]
+    assert not folded(slip, (0.01, 199.0), now)

@@ -72,8 +72,8 @@ def test_promises_are_the_errors_that_come_true(trials):
     assert set(previews) == {"leg_slip", "cable_drag"}
     on = small.ladder(start.toggled(["leg_slip", "cable_drag"]))[-1].fit
     off = small.ladder(Selection())[-1].fit
-    assert previews["cable_drag"] == pytest.approx((on.rmse_m_s, on.cv_rmse_m_s), rel=1e-6)
-    assert previews["leg_slip"] == pytest.approx((off.rmse_m_s, off.cv_rmse_m_s), rel=1e-6)
+    assert previews["cable_drag"] == pytest.approx((on.rmse_m_s, on.bic), rel=1e-6)
+    assert previews["leg_slip"] == pytest.approx((off.rmse_m_s, off.bic), rel=1e-6)
 
 
 @pytest.mark.parametrize(

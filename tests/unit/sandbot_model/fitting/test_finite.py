@@ -35,6 +35,7 @@ NONE = {
     "x: speed: kept *= 1 - sqrt(a)/4; a in -0.1..0.5": "x.a is -0.1",
     "x: speed: kept *= 1 - log(1.1 - a)/9; a in 0..1.1": "x.a is 1.1",
     "x: speed: kept *= 1 - first*sqrt(omega - 7)/40": "its parameters start",
+    "x: speed: kept *= 1 - a**9; a in 0..1e30": "its parameters start",
     "x: speed: v_swim = 0.1/(omega - 4)": "its parameters start",
 }
 

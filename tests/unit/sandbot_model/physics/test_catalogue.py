@@ -68,6 +68,16 @@ def test_files_of_one_name_and_names_with_dots_reach_workers(tmp_path):
         assert pickle.loads(pickle.dumps(effects[f"boost_{number}"])).identifier == f"boost_{number}"
 
 
+@pytest.mark.parametrize("kept", ["lambda c: c", "__import__('threading').Lock()"])
+def test_an_effect_that_no_worker_can_receive_is_refused(tmp_path, kept):
+    path = tmp_path / "mine.py"
+    path.write_text(f"{OWN}\n    def __init__(self):\n        self.kept = {kept}\n")
+    with pytest.raises(InputError, match=r"Boost: can't be sent to worker processes: (Attribute|Type)Error"):
+        effects_in(path)
+    path.write_text(f"{OWN}\n    def __init__(self):\n        self.kept = abs\n")
+    assert [one.identifier for one in effects_in(path)] == ["boost"]
+
+
 def test_an_import_that_never_was_is_refused(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN.replace("sandbot_model.physics.effect", "sandbot_model.effects_of_mine"))

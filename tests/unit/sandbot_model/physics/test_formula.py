@@ -208,13 +208,25 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("Boost: strength: k", "lower-case"),
         ("boost: muscle: k", "no stage 'muscle'; known: clock"),
         ("boost: strength: k*a; a in 5..1", "low must be below high"),
-        ("boost: strength: k*where(a > 1, 1, 2); a in 0..1e400", "a in 0..inf: low must be below high, both finite"),
+        (
+            "boost: strength: k*where(a > 1, 1, 2); a in 0..1e400",
+            "a in 0..inf: low must be below high, by 1e-100 to 1e100",
+        ),
         ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
         ("boost: strength: k*unknown", "unknown"),
         ("boost: strength: k*(", "boost"),
         ("boost: strength: force = k", "can't be set at stage strength"),
         ("boost: step: t_s = 0.1", "'t_s' can't be set, it follows from the clock and the step"),
-        ("boost: strength: k*phi; phi in 0..1", "choose another name"),
+        ("boost: strength: k*a; a in 0..1e300", "low must be below high, by 1e-100 to 1e100"),
+        ("boost: strength: k*a; a in 0..1e-300", "low must be below high, by 1e-100 to 1e100"),
+        *(
+            (f"boost: speed: kept *= 1 - {name}; {name} in 0..1", "choose another name")
+            for name in ("phi", "R", "delta_v", "pi", "sin", "max")
+        ),
+        *(
+            (f"boost: {stage}: {name} *= 1 - {other}; {other} in 0..1", f"'{other}' is a quantity that is set, choose")
+            for stage, name, other in (("step", "s", "s"), ("step", "chord, step", "s"), ("speed", "peak", "peak"))
+        ),
         ("boost: speed: kept *= 1 - a; a in 0..0.5; b in 0..1; a in 0..0.25", "parameter 'a' is declared twice"),
         ("boost: strength: k*first; first in 0..1", "choose another name"),
         ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),

@@ -2,20 +2,21 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
-from sandbot_common.robot import SANDBOT
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import GAITS
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, Prediction, Walker
-from sandbot_model.report.atlas import collapse, collect, force, motion, speeds, style
+from sandbot_model.report.atlas import collapse, collect, force, leg, motion, speeds, style
 from sandbot_model.report.atlas.material import Material, Motion, Published
 from sandbot_model.report.atlas.plates import CAPTIONS, PLATES, write
 from sandbot_model.report.mechanics import Collapse
@@ -206,6 +207,59 @@ def test_every_force_needed_is_within_the_panel_and_the_outermost_are_named(mate
     assert named[0] == "ω 30"
     assert {"ω 4", "ω 12", "ω 20"} >= set(named[1:])
     assert panel.get_legend().get_title().get_text() == "φ"
+
+
+def dots(panel):
+    """Depths [cm] at which a figure says that legs hold."""
+    return sorted(x for line in panel.lines if line.get_marker() == "o" for x in line.get_xdata() if np.isfinite(x))
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.02])
+def test_dots_are_where_legs_hold_also_if_the_ground_gives_more_at_a_faster_leg(material, monkeypatch, growth):
+    """Ground that hardens with ω was drawn as at the slowest, so that lines crossed where no leg holds."""
+    usual = force.forces
+    monkeypatch.setattr(
+        force, "forces", lambda fit, omega: replace(at := usual(fit, omega), given_n=at.given_n * (1 + growth * omega))
+    )
+    figure, caption = force.force(material, 85.0)
+    (panel,) = figure.axes
+    holds = np.array([usual(material.fit, omega).holds_m for omega in OMEGA])
+    assert dots(panel) == pytest.approx(sorted(100 * holds[np.isfinite(holds)]))
+    coloured = [line for line in panel.lines if line.get_color() in style.phi_colours(len(K))]
+    dashed = [line for line in coloured if line.get_linestyle() == "--"]
+    assert len(dashed) == (len(K) if growth else 0)
+    assert ("at 4 rad/s solid, at 30 dashed" in caption) == bool(growth)
+
+
+@pytest.mark.parametrize("holds_m", [0.012, 0.04, np.nan])
+def test_depths_at_which_legs_hold_are_within_the_panel(material, monkeypatch, holds_m):
+    """The axis began at 0.65 of the greatest depth, SandBot's; another robot's legs held outside."""
+    usual = force.forces
+    monkeypatch.setattr(
+        force, "forces", lambda fit, omega: replace(usual(fit, omega), holds_m=np.full(len(K), holds_m))
+    )
+    figure, caption = force.force(material, 85.0)
+    low, high = figure.axes[0].get_xlim()
+    assert all(low < depth < high for depth in dots(figure.axes[0]))
+    assert ("never cross" in caption) == np.isnan(holds_m)
+    assert (low == 0.0) == np.isnan(holds_m)
+
+
+def test_another_robots_leg_is_drawn_whole_and_not_measured_by_the_papers(material):
+    big = Material(**{**vars(material), "cells": replace(material.cells, robot=Robot(leg_radius_m=0.06))})
+    (panel,) = leg.in_the_ground(big, 85.0)[0].axes
+    assert max(line.get_ydata().max() for line in panel.lines) < panel.get_ylim()[1]
+    assert "the paper prints" not in leg.step_against_depth(big, 85.0)[1]
+    assert "the paper prints 5.0 cm" in leg.step_against_depth(material, 85.0)[1]
+
+
+@pytest.mark.parametrize("draw", [collapse.critical, speeds.against_phi])
+def test_a_legend_is_above_the_panel_where_lines_fill_it(material, draw):
+    with style.typography():
+        figure, _ = draw(material, 170.0)
+        figure.draw_without_rendering()
+    for panel in figure.axes:
+        assert panel.get_legend().get_window_extent().y0 >= panel.get_window_extent().y1
 
 
 @pytest.mark.parametrize("ends", [True, False])

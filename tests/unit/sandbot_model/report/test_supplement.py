@@ -1,11 +1,13 @@
 """What a report opens with: where trials come from, as the recordings tell, and the paper's figures from them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
 from sandbot_model.physics.catalogue import catalogue
@@ -61,8 +63,17 @@ def test_a_virtual_lab_is_called_one_and_nothing_else_is(monkeypatch, opened, wo
     assert words in told["source"]
     assert told["recorded by"] == "trackway 0.1.0, commit abc123"
     assert told["plan"].startswith("monday: 18 trials: φ 0.590, 0.610, 0.630; ω 4, 12, 20 rad/s")
-    assert told["robot"] == "SandBot"
+    assert told["robot"] == "not stated; SandBot is assumed"
     assert told["command"] == "ros2 run x"
+
+
+def test_a_robot_is_told_by_what_differs_from_sandbot():
+    def told(robot):
+        (table,) = supplement.origin(replace(TRIALS, robot=robot), CELLS, {}, "").tables
+        return dict(table.rows)["robot"]
+
+    assert told(Robot(leg_radius_m=0.06)) == "leg_radius_m 0.06 (SandBot's 0.0355)"
+    assert told(SANDBOT) == "SandBot"
 
 
 def test_of_a_table_only_what_it_tells_is_said(monkeypatch):

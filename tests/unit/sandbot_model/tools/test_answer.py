@@ -196,6 +196,15 @@ def test_what_a_file_defines_and_nobody_asked_to_fit_is_named(printed, tmp_path)
     assert "not fitted" not in printed(compare, table, "--effects-from", own, "--effects", "boost")
 
 
+@pytest.mark.parametrize("declared", ["", "; a [1] in 0..0.5"])
+def test_of_an_effect_without_parameters_it_is_said_that_none_is_fitted(two, declared):
+    """An undeclared a is the advance; a parameter is usually called so."""
+    brake = catalogue(formulas=[f"brake: speed: kept *= 1 - a{declared}"])
+    told = " ".join(answer.of_comparison([fit(model_of("simple", ("brake",), brake), two.cells)]).split())
+    assert ("no parameter is fitted: every name in kept -> kept * (1 - a) is a quantity" in told) == (not declared)
+    assert ("a = " in told) == bool(declared)
+
+
 @pytest.mark.slow
 def test_verbose_prints_all(printed, brief):
     less, all_of_it = brief[0], printed(discover_tool, EXAMPLE, *FEW, "--verbose")

@@ -12,6 +12,7 @@ import pytest
 
 import sandbot_model as sm
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT
 from sandbot_model.tools import discover as command
 from sandbot_record.trials.csv_table import write_csv
 
@@ -32,7 +33,7 @@ def found(trials):
 def test_a_hidden_effect_is_found_and_said_first(found):
     assert found.verdict.status == "identified"
     assert found.fit.effects == ("stance_overlap",)
-    assert repr(found).splitlines()[0].startswith("identified: stance_overlap")
+    assert repr(found).splitlines()[1].startswith("identified: stance_overlap")
 
 
 def test_nothing_is_found_where_nothing_is_hidden(drawn):
@@ -52,8 +53,8 @@ def test_what_is_printed_is_short_and_in_the_readers_units(found):
 
 
 def test_what_is_odd_about_the_data_is_said_first(trials, found):
-    assert found.notes == ()
-    assert found.to_dict()["data"]["notes"] == []
+    assert found.notes == ("robot: not given, SandBot is assumed",)
+    assert found.to_dict()["data"]["notes"] == list(found.notes)
     zeros = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
     odd = sm.compare(zeros)
     assert repr(odd).startswith("note: ")
@@ -64,11 +65,18 @@ def test_what_is_odd_about_the_data_is_said_first(trials, found):
         sm.discover(porosity)
 
 
+def test_what_the_data_leave_open_is_a_note(trials):
+    walked = replace(trials, robot=SANDBOT)
+    assert sm.compare(walked).notes == sm.compare(trials, robot=SANDBOT).notes == ()
+    trot = np.full_like(trials.gait, "trot", dtype=object)
+    assert sm.compare(replace(walked, gait=trot)).notes == ("gait 'trot': the clock signal of SGCS is assumed",)
+
+
 def test_a_reading_that_is_not_used_is_said_with_what_is_odd(trials, tmp_path):
     path = tmp_path / "readings.csv"
     path.write_text(f"phi,k_n_per_m\n{trials.phi[0]},190\n0.7,260\n")
     odd = sm.compare(trials, penetrometer=path)
-    assert odd.to_dict()["data"]["notes"] == ["penetrometer: 1 of 2 readings is at no level of the trials: φ 0.700"]
+    assert odd.to_dict()["data"]["notes"][1:] == ["penetrometer: 1 of 2 readings is at no level of the trials: φ 0.700"]
 
 
 def test_a_result_pickles_small_and_comes_back(found):
@@ -85,7 +93,9 @@ def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
     out = tmp_path / "found.json"
     few = ["--max-effects", "1", "--workers", "1"]
     assert command.main([str(tmp_path / "table.csv"), *few, "--json", str(out)]) == 0
-    assert json.loads(out.read_text())["verdict"] == json.loads(json.dumps(found.to_dict()))["verdict"]
+    written, returned = json.loads(out.read_text()), json.loads(json.dumps(found.to_dict()))
+    assert written["verdict"] == returned["verdict"]
+    assert written["data"]["notes"] == returned["data"]["notes"]
 
 
 def test_a_frame_a_path_and_trials_are_the_same_data(trials, tmp_path):

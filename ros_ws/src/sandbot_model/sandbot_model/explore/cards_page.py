@@ -8,7 +8,7 @@ from flask import Flask, Response, abort
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
-from sandbot_model.explore.previews import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, folded, ordered
 from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
@@ -70,16 +70,15 @@ class CardsPage:
         effects = self._session.catalogue(selection.formulas)
         names = ordered(previews, selection.effects)
         now_m_s = now.fit.rmse_m_s
-        useful = [name for name in names if name in selection.effects or helps(previews[name], now_m_s)]
         cards = {name: self._card(effects[name], asked, previews[name], now_m_s) for name in names}
-        rest = [cards[name] for name in names if name not in useful]
+        rest = [cards[name] for name in names if folded(effects[name], previews[name], now.fit)]
         pending = any(preview is None for preview in previews.values())
         return Response(
             PAGE.format(
                 title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
                 held_values=escape(held_values_note(asked)), model=escape(now.label.removeprefix("+ ")),
                 now=text.cm_s(now_m_s), perfect=PERFECT, floor=text.cm_s(self._session.noise_floor_m_s),
-                cards="".join(cards[name] for name in useful),
+                cards="".join(card for card in cards.values() if card not in rest),
                 folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
                 f"{''.join(rest)}</details>" if rest else "",
                 pending='<p role="status">Some effects are still being fitted.</p>' if pending else "",

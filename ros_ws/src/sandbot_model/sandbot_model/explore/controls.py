@@ -147,7 +147,7 @@ def _controls(floor_m_s: float) -> html.Section:
             ),
             html.Fieldset(
                 [
-                    html.Legend(f"Effects, and the error of mean speed without → with each{_floor(floor_m_s)}"),
+                    html.Legend(f"Effects by BIC, and the error of mean speed without → with each{_floor(floor_m_s)}"),
                     html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
                     html.Div(
                         [

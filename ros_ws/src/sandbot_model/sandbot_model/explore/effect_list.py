@@ -7,7 +7,7 @@ from dash import html
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
-from sandbot_model.explore.previews import Preview, change_of, helps
+from sandbot_model.explore.previews import Preview, change_of, folded
 from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import fitted_values
 from sandbot_model.fitting.fit import Fit
@@ -31,14 +31,13 @@ def effect_options(
     options = []
     for name in order:
         effect, preview = effects[name], previews[name]
-        useful = name in on or helps(preview, now.rmse_m_s)
         label = static(
             html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
             html.Span(readable(name), className="effect"),
             html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
             html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
             html.Small(fitted_values(effect, stated) if stated else "…", className="values") if name in on else None,
-            className="effect-line" if useful else "effect-line useless",
+            className="effect-line useless" if folded(effect, preview, now) else "effect-line",
         )
         options.append({"value": name, "label": label, "title": plain(effect.seen_in)})
     return options

@@ -3,28 +3,33 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.effect import Effect, is_from_catalogue
 from sandbot_model.report import text
 
 Preview = tuple[float, float] | None
-"""Error (in sample, out of sample) [m/s] with an effect switched; None: not fitted yet, NaN: the fit failed."""
-MIN_IMPROVEMENT = 0.02
-"""Smallest relative reduction of the error for an effect to count as helpful."""
+"""Error of mean speed in sample [m/s] and BIC with an effect switched; None: not fitted yet, NaN: the fit failed."""
 
 
-def helps(preview: Preview, now_m_s: float) -> bool:
-    """Whether switching lowers the error by at least ``MIN_IMPROVEMENT``; True while that is not known yet."""
-    return preview is None or preview[0] < (1.0 - MIN_IMPROVEMENT) * now_m_s
+def helps(preview: Preview, now_bic: float) -> bool:
+    """Whether switching lowers the BIC; True while that is not known yet."""
+    return preview is None or preview[1] < now_bic
+
+
+def folded(effect: Effect, preview: Preview, now: Fit) -> bool:
+    """Whether an effect is folded away: one of the catalogue that is off and does not help the fit ``now``."""
+    return effect.identifier not in now.effects and is_from_catalogue(effect) and not helps(preview, now.bic)
 
 
 def ordered(previews: Mapping[str, Preview], on: Sequence[str] = ()) -> list[str]:
-    """The names, those switched on first, then by increasing error; in the given order until all errors are known."""
+    """The names, those switched on first, then by increasing BIC; in the given order until all are known."""
     if any(preview is None for preview in previews.values()):
         return list(previews)
 
     def rank(name: str) -> tuple[bool, float]:
         preview = previews[name]
-        error = preview[0] if preview else math.nan
-        return name not in on, error if math.isfinite(error) else math.inf
+        bic = preview[1] if preview else math.nan
+        return name not in on, bic if math.isfinite(bic) else math.inf
 
     return sorted(previews, key=rank)
 

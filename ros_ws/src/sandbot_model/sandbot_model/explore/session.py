@@ -47,7 +47,7 @@ class Solved:
 
     point: Point
     rmse_m_s: float
-    cv_rmse_m_s: float
+    bic: float
 
 
 def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
@@ -62,7 +62,7 @@ def sampled_errors(model: Model, cells: Cells, point: Point) -> Array:
 
 def solved(found: Fit) -> Solved:
     """The part of a fit that is needed to rebuild it."""
-    return Solved(found.point, found.rmse_m_s, found.cv_rmse_m_s)
+    return Solved(found.point, found.rmse_m_s, found.bic)
 
 
 class Session:
@@ -124,11 +124,11 @@ class Session:
         with self._lock:
             for key in [k for k, future in self._solved.items() if k not in keep and future.cancel()]:
                 del self._solved[key]
-        for neighbour in sorted(wanted.values(), key=self._error_alone):
+        for neighbour in sorted(wanted.values(), key=self._bic_alone):
             self._submit(neighbour)
 
     def previews(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
-        """Effect → error (in sample, out of sample) [m/s] if switched; None: not fitted yet, NaN: the fit failed."""
+        """Effect → error in sample [m/s] and BIC if switched; None: not fitted yet, NaN: the fit failed."""
         found: dict[str, tuple[float, float] | None] = {}
         for neighbour in self._neighbours(selection):
             (name,) = set(neighbour.effects) ^ set(selection.effects)
@@ -187,12 +187,12 @@ class Session:
         assert future is not None
         return None if future.exception() else future.result().point
 
-    def _error_alone(self, selection: Selection) -> float:
-        """Error [m/s] with only the last effect, if fitted; sorts prefetching by the most helpful effect."""
+    def _bic_alone(self, selection: Selection) -> float:
+        """BIC with only the last effect, if fitted; sorts prefetching by the most helpful effect."""
         alone = replace(selection, effects=selection.effects[-1:])
         with self._lock:
             previewed = _preview(self._solved.get(self._key(alone)))
-        return previewed[0] if previewed and math.isfinite(previewed[0]) else math.inf
+        return previewed[1] if previewed and math.isfinite(previewed[1]) else math.inf
 
     def _neighbours(self, selection: Selection) -> Iterator[Selection]:
         inherent = {effect.identifier for effect in self.model(replace(selection, effects=())).walker.effects}
@@ -262,7 +262,7 @@ def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:
         return None
     if future.exception() is not None:
         return math.nan, math.nan
-    return future.result().rmse_m_s, future.result().cv_rmse_m_s
+    return future.result().rmse_m_s, future.result().bic
 
 
 def _prefixes(selection: Selection) -> list[Selection]:

@@ -16,6 +16,8 @@ from sandbot_model.physics.walking import KCurve, depth_grid
 
 K_OVER_CRITICAL = 1.2
 """k at which effects are evaluated, over mg/(2R - h)."""
+LARGEST = 1e100
+"""Magnitude beyond which a quantity counts as infinite: a fit squares it, and sums that."""
 
 
 def check_finite(model: Model, cells: Cells) -> None:
@@ -42,7 +44,7 @@ def check_finite(model: Model, cells: Cells) -> None:
 
 
 def _not_finite(model: Model, cells: Cells, theta: Array) -> Bool:
-    """Cells ``(rows, cells)`` with an infinite or undefined quantity at a depth where legs may stand, for each θ."""
+    """Cells ``(rows, cells)`` with an undefined or infinite quantity at a depth where legs may stand, for each θ."""
     k = np.full(len(cells.level_phi), K_OVER_CRITICAL * critical_k_n_per_m(model.robot))
     phi = cells.level_phi[cells.level]
     inputs = model.inputs(theta[:, None], k[0], cells.omega, phi, cells.clock, KCurve(cells.level_phi, k))
@@ -51,5 +53,5 @@ def _not_finite(model: Model, cells: Cells, theta: Array) -> Bool:
     with np.errstate(all="ignore"):
         for first_step in {False, model.walker.remembers}:
             for part in observed_quantities(model.walker.chain(*inputs, depth, first_step=first_step)):
-                found |= ~np.isfinite(part + 0.0 * depth).all(axis=-1)
+                found |= ~(np.abs(part + 0.0 * depth) <= LARGEST).all(axis=-1)
     return found

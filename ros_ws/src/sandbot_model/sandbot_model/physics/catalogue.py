@@ -1,6 +1,7 @@
 """All available effects: the project's, those of installed packages, of a user's file, and formulas."""
 
 import importlib.util
+import pickle
 import re
 import sys
 import zlib
@@ -13,7 +14,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name, is_range
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.formula import formula_effect
@@ -107,7 +108,8 @@ def _check_parameters(effect: Effect, where: str) -> None:
         if not isinstance(parameter, Parameter):
             raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
-        if not all(isinstance(value, int | float) and np.isfinite(value) for value in numbers) or not low < high:
+        known = all(isinstance(value, int | float) and np.isfinite(value) for value in numbers)
+        if not (known and is_range(low, high)):
             raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
         if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
@@ -119,7 +121,7 @@ def _check_parameters(effect: Effect, where: str) -> None:
 
 
 def _try(effect: Effect, where: str) -> None:
-    """Run the effect, so that mistakes show before any fit."""
+    """Run and pickle the effect, so that mistakes show before any fit."""
     place = f"{where}: {type(effect).__name__}.apply"
     values = {parameter.name: np.asarray(parameter.start, dtype=float) for parameter in effect.parameters}
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
@@ -136,6 +138,13 @@ def _try(effect: Effect, where: str) -> None:
         raise InputError(f"{place}: gives no finite number at the start values of its parameters")
     if not acts:
         raise InputError(f"{place}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
+    try:
+        pickle.dumps(effect)
+    except Exception as error:
+        raise InputError(
+            f"{where}: {type(effect).__name__}: can't be sent to worker processes: {_one_line(error)}; keep functions "
+            "and locks at the top of the file, not in the effect"
+        ) from error
 
 
 def _one_line(error: BaseException) -> str:

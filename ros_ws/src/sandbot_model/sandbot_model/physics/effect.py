@@ -62,6 +62,11 @@ class Parameter:
         return replace(self, low=value, high=value, start=value, hard_low=value, hard_high=value)
 
 
+def is_range(low: float, high: float) -> bool:
+    """Whether a fit can search from ``low`` to ``high``: the square of the width is neither 0 nor infinite."""
+    return 1e-100 < high - low < 1e100
+
+
 def duplicate_name(parameters: Sequence[Parameter]) -> str:
     """The first name used by two parameters; empty if all differ."""
     names = [parameter.name for parameter in parameters]

@@ -8,7 +8,7 @@ same as ``=``). ``*=``, ``/=``, ``+=`` and ``-=`` change the present value, also
 
 Names are the symbols that the catalogue shows (see ``symbols``: quantities of the chain, the robot's R, h, w, m, g, …),
 the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others), K(phi), and functions; a parameter
-hides a symbol that is not a name of the chain. asteval evaluates the expression: no attributes, imports or files.
+may hide another symbol, but not one that is set. asteval evaluates the expression: no attributes, imports or files.
 """
 
 import ast
@@ -25,7 +25,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name, is_range
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, settable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
@@ -53,6 +53,8 @@ _ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*/+-]?)=
 DIFFERS_AT_FIRST = {"first", "t_left"}
 """Names with another value in the first step."""
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
+TAKEN = {*(field.name for field in fields(Chain)), *"RhwmgdK", *_ALWAYS}
+"""Names that no parameter can have."""
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
     "*": np.multiply,
     "/": np.divide,
@@ -205,10 +207,10 @@ def _parameter(text: str, whole: str) -> Parameter:
     if not found:
         raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
-    if not (low < high and np.isfinite(high - low)):
-        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, both finite")
-    if name in {quantity.name for quantity in fields(Chain)} or name in {*"RhwmgdK", "first"}:
-        raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
+    if not is_range(low, high):
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, by 1e-100 to 1e100")
+    if name in TAKEN:
+        raise InputError(f"--effect {whole!r}: {name!r} has another meaning in formulas, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), GIVEN)
 
 
@@ -277,6 +279,10 @@ def _checked(effect: _Formula, text: str) -> Effect:
         if effect.readable[name] == "phi":
             raise InputError(f"--effect {text!r}: k does not follow {name!r}; k -> K({name} + ...) is that of another")
     own = {parameter.name for parameter in effect.parameters}
+    changed = {effect.readable[name] for name in effect.quantities}
+    for name in sorted(own & effect.readable.keys()):
+        if effect.readable[name] in changed:
+            raise InputError(f"--effect {text!r}: {name!r} is a quantity that is set, choose another name")
     for name in sorted(effect.names - own - effect.readable.keys() - CONSTANTS.keys() - _ALWAYS):
         raise InputError(f"--effect {text!r}: {name!r} is not known at stage {effect.stage}{_hint(name, effect)}")
     starts = {parameter.name: parameter.start for parameter in effect.parameters}

@@ -21,6 +21,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             *lock,
         ]
     omega = captions.worst_frequency(steps[0].fit)
+    why = "where the base model misses the mean speed most" if "speed" in cells.observables else "the median one"
     return [
         Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
         Section(
@@ -36,7 +37,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
         Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
         Section("step", "Step length", figures=(_step_figure(steps),)),
         Section(
-            "balance", f"Force balance at ω = {omega:.3g} rad/s, where the base model misses most",
+            "balance", f"Force balance at ω = {omega:.3g} rad/s, {why}",
             figures=(_balance_figure(steps, omega),),
         ),
     ]  # fmt: skip

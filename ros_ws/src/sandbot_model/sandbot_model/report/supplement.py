@@ -8,7 +8,7 @@ import numpy as np
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_common.robot import SANDBOT, difference
+from sandbot_common.robot import SANDBOT, Robot, difference
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.report.page import Section, Table
@@ -32,13 +32,13 @@ def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str)
         ("source", " ".join(dict.fromkeys(map(_source, opened))) or UNKNOWN),
         ("plan", _plan(cells, [trial.get("plan", "") for trial in metadata])),
         ("gait", _joined(cells.gait)),
-        ("robot", "SandBot" if cells.robot == SANDBOT else f"{difference(cells.robot, SANDBOT)} (SandBot's)"),
+        ("robot", _robot(trials.robot)),
         ("recorded", " to ".join(dict.fromkeys(str(trial["start"])[:16] for trial in metadata if "start" in trial))),
         ("recorded by", _joined(map(_software, metadata))),
         ("analysed by", f"sandbot_model {version('sandbot_model')}"),
         ("command", command),
     ]  # fmt: skip
-    table = Table("", ("item", "as stated by the data"), [row for row in rows if row[1]], (True, True))
+    table = Table("", ("item", "as stated by the data or the command"), [row for row in rows if row[1]], (True, True))
     return Section("origin", "Where these trials come from", tables=(table,))
 
 
@@ -70,6 +70,13 @@ def methods(steps: Sequence[Step], criteria: Criteria = DEFAULT) -> Section:
         "parabola."
     )
     return Section("methods", "How they were analysed", text=(analysis, claims))
+
+
+def _robot(robot: Robot | None) -> str:
+    """What differs from SandBot, with SandBot's values; a robot that is not stated is assumed to be SandBot."""
+    if robot is None:
+        return "not stated; SandBot is assumed"
+    return difference(robot, SANDBOT, "{} {} (SandBot's {})") or "SandBot"
 
 
 def _software(metadata: Mapping[str, str]) -> str:

@@ -104,6 +104,8 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
     """What an effect does, then its fitted parameters."""
     effect = fit.model.catalogue[name]
     yield f"{name}: {words(effect)}"
+    if not effect.parameters:
+        yield f"no parameter is fitted: every name in {effect.formula} is a quantity of the model or the robot"
     unit_and_doc: Mapping[str, str] = {
         p.name: f"{'' if p.unit == '1' else f' {p.unit}'}, {p.doc}" for p in effect.parameters
     }

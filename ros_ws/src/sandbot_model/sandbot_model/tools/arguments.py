@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import Criteria, of_bed
-from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, assumption
 from sandbot_model.physics.walking import BASES
 
 ALL = 10**6
@@ -25,6 +25,7 @@ FITTERS = 2
 """Default number of processes that fit at once."""
 LEG_KEYS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
 """Keys of a robot that the reading of bags depends on: another file can't change them afterwards."""
+NO_ROBOT = "robot: not given, SandBot is assumed"
 
 if TYPE_CHECKING:
     from sandbot_model.data.conditions import Cells
@@ -135,8 +136,7 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     found = _read(args, args.data)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
-    source = "as in the bags" if found.robot else "not given, SandBot is assumed (--robot FILE.yaml names another)"
-    return found, f"robot: {source}"
+    return found, "robot: as in the bags" if found.robot else f"{NO_ROBOT} (--robot FILE.yaml names another)"
 
 
 def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
@@ -145,6 +145,11 @@ def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
     from sandbot_record.trials.read import named
 
     return checked(trials, named(args.data))
+
+
+def assumed(trials: "Trials", cells: "Cells") -> tuple[str, ...]:
+    """Notes on what the data leave open: the robot, and the clock signal of a gait."""
+    return tuple(filter(None, (NO_ROBOT if trials.robot is None else "", assumption(cells.gait))))
 
 
 def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":

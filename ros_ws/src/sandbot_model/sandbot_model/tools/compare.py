@@ -91,7 +91,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     parts.append(filled(tables.lock_line(steps.lock)))
     print("\n\n".join(filter(None, parts)))
     content = steps.to_dict()
-    content["data"]["notes"] = list(notes)
+    content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)

@@ -93,7 +93,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         print(filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
     if args.json is not None:
         content = found.to_dict()
-        content["data"]["notes"] = list(notes)
+        content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
         content |= {"error_rates": [rate.to_dict() for rate in rates]} if rates else {}
         write_json(args.json, content)
     if args.html is not None:

@@ -63,7 +63,7 @@ class Result:
     """The full result."""
     trials: Trials
     notes: tuple[str, ...] = ()
-    """What is suspicious about the trials, one sentence each."""
+    """What is assumed about the robot and the gait, and what is suspicious about the trials, one sentence each."""
 
     @property
     def steps(self) -> tuple[Fit, ...]:
@@ -166,7 +166,7 @@ def discover(
             fit_all=fit_all,
             progress=progress,
         )
-    return Found(found, trials, notes + cells.notes)
+    return Found(found, trials, (*arguments.assumed(trials, cells), *notes, *cells.notes))
 
 
 def compare(
@@ -190,7 +190,7 @@ def compare(
     names = [*effects, *(name for name in map(name_of, formulas) if name not in effects)]
     cells = _cells(trials, penetrometer)
     found = comparing.compare(cells, catalogue, names, base=model)
-    return Compared(found, trials, notes + cells.notes)
+    return Compared(found, trials, (*arguments.assumed(trials, cells), *notes, *cells.notes))
 
 
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:

@@ -34,8 +34,8 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
     for panel, name in ((left, "critical frequency ω$_c$ (rad/s)"), (right, "largest mean speed (cm/s)")):
         panel.set_xlabel("volume fraction φ")
         panel.set_ylabel(name)
-        panel.set_ylim(bottom=0)
-        panel.legend(frameon=False, loc="upper left")
+        panel.set_ylim(0, 1.05 * panel.get_ylim()[1])
+        key(panel, "", columns=3, **ABOVE)
     return figure, (
         "The end of walking: bars span from the last leg frequency that walks to the first that swims (left); the "
         f"largest mean speed over ω (right). From φ {phis[0]:.3f} to {phis[-1]:.3f} the largest speed goes from "

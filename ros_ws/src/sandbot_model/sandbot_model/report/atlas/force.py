@@ -22,18 +22,21 @@ JUMP = 0.02
 """Change within one step of the depth grid, as a fraction of the mean force, that counts as a jump."""
 MIN_LABEL_GAP = 0.04
 """Smallest distance between labels of lines, as a fraction of the panel's height."""
-SHOWN_FROM = 0.65
-"""Shallowest depth shown, as a fraction of the deepest; legs that walk stand deeper."""
+SAME = 0.01
+"""Relative difference up to which two forces are drawn as one line."""
+MARGIN = 0.2
+"""Depths shown above those at which legs hold, as a fraction of the range of these."""
 
 
 def force(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 3c: the families of ground strength (φ) and of leg frequency in one panel."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
-    depths = _families(panel, material, material.fit, 1.0)
+    ends = _families(panel, material, found := _balances(material, material.fit), 1.0)
     panel.set_ylabel("force on a leg (N)")
     return figure, (
-        "Force the ground gives (colours, one per φ) and force needed (black, one per leg frequency, "
-        f"{_range(material)}) against depth, from the fit; a leg holds where they first cross. {depths}"
+        f"Force the ground gives (colours, one per φ{ends}) and force needed (black, one per leg frequency, "
+        f"{_range(material)}) against depth, from the fit; a leg holds where they first cross (dots). "
+        f"{_depths(material, found)}"
     )
 
 
@@ -41,44 +44,74 @@ def dimensionless(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 4a: the same by the full model, in units of the weight a leg carries."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     weight = material.robot.mass_per_leg_kg * material.robot.gravity_m_s2
-    _families(panel, material, determined(material.full), weight)
+    ends = _families(panel, material, _balances(material, determined(material.full)), weight)
     panel.set_ylabel("force over weight, F$_z$/mg")
     return figure, (
-        "The full model: force the ground gives a whole leg (colours, one per φ) and force needed, a_z/g + 1 (black, "
-        f"one per leg frequency, {_range(material)}), over the weight a leg carries. At the leg's lowest point no "
-        "inertia is left to overcome, and ground that carries the weight holds."
+        f"The full model: force the ground gives a whole leg (colours, one per φ{ends}) and force needed, a_z/g + 1 "
+        f"(black, one per leg frequency, {_range(material)}), over the weight a leg carries; a leg holds where they "
+        "first cross (dots). At the leg's lowest point no inertia is left to overcome, and ground that carries the "
+        "weight holds."
     )
 
 
-def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str:
-    """Draw both families of forces, in units of ``unit_n``; returns the depths at which legs hold, in words."""
+def _balances(material: Material, fit: Fit) -> list[Forces]:
+    """The force balance at each leg frequency, slowest first."""
+    return [forces(fit, float(omega)) for omega in frequencies(material.cells)[0]]
+
+
+def _families(panel: "Axes", material: Material, found: list[Forces], unit_n: float) -> str:
+    """Draw both families of forces, in units of ``unit_n``, and where legs hold. The force given is drawn at the
+    slowest leg frequency, and where it depends on that also at the fastest; returns that in words.
+    """
     omegas, _ = frequencies(material.cells)
-    found: list[Forces] = [forces(fit, float(omega)) for omega in omegas]
-    slow, robot = found[0], material.robot
-    colours = phi_colours(len(material.cells.level_phi))
-    for band, given in zip(bands(material.cells), slow.given_n, strict=True):
-        panel.plot(CM * slow.depth_m, given / unit_n, color=colours[band.level], label=f"{band.phi:.3f}")
+    one = all(np.allclose(at.given_n, found[0].given_n, rtol=SAME) for at in found)
+    levels, colours = bands(material.cells), phi_colours(len(material.cells.level_phi))
+    for i, band in enumerate(levels):
+        looks = {"color": colours[band.level]}
+        panel.plot(CM * found[0].depth_m, found[0].given_n[i] / unit_n, label=f"{band.phi:.3f}", **looks)
+        if not one:
+            panel.plot(CM * found[-1].depth_m, found[-1].given_n[i] / unit_n, linestyle=(0, (4, 1.5)), **looks)
+        held = [float(np.interp(at.holds_m[i], at.depth_m, at.given_n[i])) / unit_n for at in found]
+        panel.plot([CM * at.holds_m[i] for at in found], held, "o", markersize=2.8, zorder=3, **looks)
     for at_omega in found:
         needed = at_omega.needed_n[-1] / unit_n
         stepped_line(panel, CM * at_omega.depth_m, needed, JUMP * float(needed.mean()), color=INK, linewidth=0.7)
-    critical = float(depth_at(robot, np.asarray(S_IS_R_RAD)))
-    panel.axvline(CM * critical, color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)
+    panel.axvline(CM * _critical_m(material), color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)
     panel.set_xlabel("depth d (cm)")
-    shown = slow.depth_m >= SHOWN_FROM * slow.depth_m[-1]
-    panel.set_xlim(CM * slow.depth_m[shown][0], CM * slow.depth_m[-1])
-    low = min(float(slow.given_n[:, shown].min()), float(slow.needed_n[:, shown].min()))
-    high = max(*(float(f.needed_n[-1, shown].max()) for f in found), float(slow.given_n.max()))
+    depth = found[0].depth_m
+    shown = depth >= _shown_from_m(material, found)
+    panel.set_xlim(CM * depth[shown][0], CM * depth[-1])
+    given = np.concatenate([at.given_n[:, shown] for at in (found[0], found[-1])])
+    low = min(float(given.min()), *(float(at.needed_n[-1, shown].min()) for at in found))
+    high = max(float(given.max()), *(float(at.needed_n[-1, shown].max()) for at in found))
     panel.set_ylim(0.95 * low / unit_n, HEADROOM * high / unit_n)
-    _name_lines(panel, omegas, [float(f.needed_n[-1, shown][0]) / unit_n for f in found])
+    _name_lines(panel, omegas, [float(at.needed_n[-1, shown][0]) / unit_n for at in found])
     key(panel, "φ", columns=4, **ABOVE)
-    hold_depths = {band.phi: [f.holds_m[i] for f in found] for i, band in enumerate(bands(material.cells))}
-    last = max(hold_depths)
-    held = [(omega, depth) for omega, depth in zip(omegas, hold_depths[last], strict=True) if np.isfinite(depth)]
+    return "" if one else f"; at {omegas[0]:g} rad/s solid, at {omegas[-1]:g} dashed"
+
+
+def _critical_m(material: Material) -> float:
+    return float(depth_at(material.robot, np.asarray(S_IS_R_RAD)))
+
+
+def _shown_from_m(material: Material, found: list[Forces]) -> float:
+    """The shallowest depth shown, a little above s = R and all depths at which legs hold; 0 where none does."""
+    holds = np.array([at.holds_m for at in found])
+    if not np.isfinite(holds).any():
+        return 0.0
+    first = min(float(np.nanmin(holds)), _critical_m(material))
+    return first - MARGIN * (float(found[0].depth_m[-1]) - first)
+
+
+def _depths(material: Material, found: list[Forces]) -> str:
+    """The depths at which legs hold on the densest ground, in words."""
+    last, (omegas, _) = int(np.argmax([band.phi for band in bands(material.cells)])), frequencies(material.cells)
+    held = [(omega, at.holds_m[last]) for omega, at in zip(omegas, found, strict=True) if np.isfinite(at.holds_m[last])]
     if not held:
         return "They never cross."
     return (
-        f"At φ {last:.3f} the depth grows from {CM * held[0][1]:.2f} cm at {held[0][0]:g} rad/s to "
-        f"{CM * held[-1][1]:.2f} cm at {held[-1][0]:g}; grey: s = R."
+        f"At φ {bands(material.cells)[last].phi:.3f} the depth grows from {CM * held[0][1]:.2f} cm at {held[0][0]:g} "
+        f"rad/s to {CM * held[-1][1]:.2f} cm at {held[-1][0]:g}; grey: s = R."
     )
 
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sandbot_common.robot import Robot
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.geometry import chord, deepest_m, depth_at
 from sandbot_model.physics.observables import CM
@@ -35,7 +35,8 @@ def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
     _leg(panel, robot, depth, 1.0, linestyle=(0, (3, 2)))
     _measures(panel, robot, depth, step)
     panel.set_aspect("equal")
-    panel.set_ylim(-1.25 * CM * depth, 1.6 * CM * robot.axle_height_m)
+    top = max(2 * robot.leg_radius_m - depth, _s_height(robot))
+    panel.set_ylim(-1.25 * CM * depth, CM * (top + 0.2 * robot.leg_radius_m))
     panel.axis("off")
     if level < 0:
         return (
@@ -73,7 +74,7 @@ def _measures(panel: "Axes", robot: Robot, depth: float, step: float) -> None:
     panel.plot(CM * np.array([-wide, wide]), [0, 0], color=INK, linewidth=0.7)
     centre = radius - depth
     panel.plot(0, CM * centre, "+", color=ACCENT, markersize=6)
-    above = height + 0.35 * radius
+    above = _s_height(robot)
     arrows = (
         ((0.0, centre), (-radius * 0.7071, centre - radius * 0.7071), "R"),
         ((-1.7 * radius, 0.0), (-1.7 * radius, -depth), "d"),
@@ -85,6 +86,11 @@ def _measures(panel: "Axes", robot: Robot, depth: float, step: float) -> None:
         looks = {"arrowstyle": "<->" if name != "R" else "->", "color": ACCENT, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
         panel.annotate("", (to_x, to_z), (x, z), arrowprops=looks)
         panel.text((x + to_x) / 2 + 0.12, (z + to_z) / 2 + 0.12, name, color=ACCENT, style="italic", fontsize=8)
+
+
+def _s_height(robot: Robot) -> float:
+    """Height at which the arrow of s is drawn [m]."""
+    return robot.axle_height_m + 0.35 * robot.leg_radius_m
 
 
 def step_against_depth(material: Material, width_mm: float) -> "tuple[Figure, str]":
@@ -102,7 +108,10 @@ def step_against_depth(material: Material, width_mm: float) -> "tuple[Figure, st
     panel.set_ylabel("step length s (cm)")
     panel.set_xlim(CM * depth[0], 1.02 * CM * deepest)
     panel.set_ylim(bottom=0)
+    # The paper's own robot.
+    li09 = (radius, deepest) == (SANDBOT.leg_radius_m, deepest_m(SANDBOT))
+    printed = "; the paper prints 5.0 cm, which is deeper than a leg can be" if li09 else ""
     return figure, (
-        f"Step length against depth: s = R = {CM * radius:.2f} cm at d = {CM * critical:.3f} cm (dashed; the paper "
-        f"prints 5.0 cm, which is deeper than a leg can be), s = 0 at 2R − h = {CM * deepest:.2f} cm."
+        f"Step length against depth: s = R = {CM * radius:.2f} cm at d = {CM * critical:.3f} cm (dashed{printed}), "
+        f"s = 0 at 2R − h = {CM * deepest:.2f} cm."
     )

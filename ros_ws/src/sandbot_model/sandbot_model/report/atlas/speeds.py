@@ -10,6 +10,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material, determined, nearest
 from sandbot_model.report.atlas.style import (
+    ABOVE,
     CONVENTION,
     FAINT,
     INK,
@@ -35,11 +36,11 @@ def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 1e."""
     figure, (panel,) = sheet(width_mm, 0.85 * width_mm)
     omegas, _ = frequencies(material.cells)
-    phi_panel(panel, material)
+    phi_panel(panel, material, columns=5, **ABOVE)
     return figure, _phi_caption(material, omegas)
 
 
-def phi_panel(panel: "Axes", material: Material) -> None:
+def phi_panel(panel: "Axes", material: Material, **legend: Any) -> None:
     """Mean speed against φ: one line and colour per leg frequency; points are trials at their measured φ."""
     trials, cells = material.trials, material.cells
     omegas, _ = frequencies(cells)
@@ -57,7 +58,7 @@ def phi_panel(panel: "Axes", material: Material) -> None:
     panel.set_xlabel("volume fraction φ")
     panel.set_ylabel("mean speed (cm/s)")
     panel.set_ylim(bottom=0)
-    key(panel, "ω (rad/s)", loc="upper left")
+    key(panel, "ω (rad/s)", **legend)
 
 
 def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
