@@ -110,8 +110,8 @@ class CampaignFolder:
     def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
         """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
 
-        A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError). What has
-        the name of a trial's bag and is none is set aside.
+        A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
+        What has the name of a trial's bag and is none is set aside.
         """
         self.check(plan)
         self._keep(plan, files)
