@@ -1,7 +1,9 @@
 """What a campaign can't measure, and which effects it will be able to detect, predicted before it is run."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.plan import Plan, PlannedTrial
@@ -48,7 +50,7 @@ def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, st
     from sandbot_record.trials.table import Row, from_rows
 
     cameras, lost = parse_yaml(files["cameras.yaml"], "cameras.yaml"), gaps(plan, trials, files)
-    columns = {observable.column for observable in Observable}
+    columns: dict[str, Any] = {observable.column: 0.0 for observable in Observable}
     rows = [
         Row(
             trial_id=trial.trial_id,
@@ -58,7 +60,7 @@ def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, st
             replicate=trial.replicate,
             batch=trial.batch,
             run_order=trial.run_order,
-            **dict.fromkeys(columns - lost[trial.omega_rad_s, trial.gait].keys(), 0.0),
+            **columns | dict.fromkeys(lost[trial.omega_rad_s, trial.gait], math.nan),
         )
         for trial in trials
     ]
