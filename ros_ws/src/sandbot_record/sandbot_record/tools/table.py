@@ -1,4 +1,4 @@
-"""table: bags to the trials table (trials.csv)."""
+"""table: bags to the trials table (trials.csv); exit code 1: bags that give no row were skipped."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ from sandbot_record.trials.table import OK, Trials
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+    """Run the command line; exit code 1 if bags were skipped."""
     return cli.run(_table, argv)
 
 
-def _table(argv: Sequence[str]) -> None:
+def _table(argv: Sequence[str]) -> int:
     parser = cli.Parser(prog="table", description=__doc__)
     parser.add_argument("data", nargs="+", type=Path, metavar="DATA", help="a campaign folder, bags or trials CSVs")
     parser.add_argument(
@@ -62,6 +62,7 @@ def _table(argv: Sequence[str]) -> None:
     if has_bags:
         for line in _gaps(rows.select(rows.usable)):
             print(f"not measured: {line} (info on a bag says why)", file=stream)
+    return 1 if skipped else 0
 
 
 def _gaps(usable: Trials) -> list[str]:
