@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from sandbot_bringup.desk_node import Desk
+from sandbot_bringup.hold import Hold
 from sandbot_bringup.plan import Plan
 from sandbot_bringup.queue import Queue
 from sandbot_common import messages
@@ -53,3 +54,27 @@ def test_a_disk_that_cannot_be_asked_does_not_end_the_campaign(tmp_path):
     assert one._free_bytes() > 0
     one._folder = tmp_path / "pulled out"
     assert one._free_bytes() is None
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_the_last_status_says_that_the_campaign_has_ended_and_why(tmp_path, full):
+    """On a full disk, too; one that goes on, as with --redo, is running again."""
+    one, said, kept = object.__new__(Desk), [], []
+
+    def add(who, do, **what):
+        if full:
+            raise InputError("no space left")
+        kept.append((who, do, what))
+
+    one.queue, one.hold, one.look, one._answers, one._folder = Queue(PLAN, ()), Hold(), None, {}, tmp_path
+    one._journal = SimpleNamespace(add=add, events=[])
+    one._status = SimpleNamespace(publish=lambda message: said.append(json.loads(message.data)))
+    one.enter("walking")
+    one.end("nothing waits")
+    one.enter("walking")
+    assert [(status["state"], status["why"], status["stage"]) for status in said] == [
+        ("running", "", "walking"),
+        ("ended", "nothing waits", ""),
+        ("running", "", "walking"),
+    ]
+    assert kept == [("campaign", "end", {"reason": "nothing waits"})] * (not full)

@@ -131,6 +131,28 @@ def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
     assert folder.missing(trials) == trials[1:]
 
 
+def test_a_bag_that_lost_its_metadata_is_finished_and_what_is_no_bag_makes_way(tmp_path, capsys):
+    """As the table and info have it; else its trial is run again, and the new bag can't be given its name."""
+    folder, trials = CampaignFolder(tmp_path), trials_of(PLAN)
+    folder.adopt(PLAN, files_of(PLAN, tmp_path, folder.path))
+    (bag,) = with_bags(folder, "ok")
+    (bag / "metadata.yaml").unlink()
+    for trial in trials[1:3]:
+        folder.bag(trial).mkdir(parents=True)
+    assert folder.missing(trials) == trials[1:]
+    grown = dataclasses.replace(PLAN, extra_trials=(EXTRA,))
+    folder.bag(trials_of(grown)[-1]).touch()
+    folder.adopt(PLAN, {})
+    assert bag.is_dir()
+    gone = [trial.trial_id for trial in trials[1:3]]
+    assert capsys.readouterr().out == "".join(f"{name}: not a bag: set aside, to be run again\n" for name in gone)
+    assert sorted(one.name for one in (folder.trials / ".partial").iterdir()) == sorted(gone)
+    # Control: a plan that does not grow leaves what is not its own.
+    assert folder.bag(trials_of(grown)[-1]).exists()
+    folder.adopt(grown, {})
+    assert not folder.bag(trials_of(grown)[-1]).exists()
+
+
 def test_sample_is_the_strongest_ground_at_the_middle_frequency() -> None:
     sample = sample_trial(PLAN)
     assert (sample.phi, sample.omega_rad_s, sample.replicate) == (0.62, 16.0, 1)

@@ -1,10 +1,12 @@
 """A look of a live campaign, and what the operator asks for meanwhile: without a graph."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.hold import Hold
 from sandbot_bringup.live_node import _Campaign
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.queue import Queue
@@ -55,3 +57,24 @@ def test_a_plan_without_a_verdict_is_not_looked_at(tmp_path):
     one = campaign(tmp_path, added=True, block=[BLOCK])
     one.queue.plan = replace(PLAN, until="", budget=0)
     assert not one._look(Silent())
+
+
+@pytest.mark.parametrize("failing", [[], [1], [1, 3]])
+def test_the_bar_counts_a_failed_trial_as_not_done(tmp_path, failing):
+    """It ended at 3/3 with one of four trials failed."""
+    plan = replace(PLAN, until="", budget=0, extra_trials=(), replicates=1)
+    one, bar = object.__new__(_Campaign), SimpleNamespace(n=0, total=0)
+    one._folder, one.queue = CampaignFolder(tmp_path), Queue(plan, ())
+    one._operator = SimpleNamespace(hold=Hold(), await_go=lambda: None)
+
+    def run(trial, bar):
+        if bar.n + len(one.queue.failed) + 1 in failing:
+            one.queue.fail(trial.trial_id, "no marker")
+        else:
+            one.queue.finish(trial.trial_id, 1.0, {})
+            bar.n += 1
+
+    one._run = run
+    while one._run_next(bar):
+        pass
+    assert (bar.n, bar.total) == (4 - len(failing), 4)

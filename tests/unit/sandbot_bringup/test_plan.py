@@ -1,12 +1,17 @@
 import json
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_bringup.config import files_of
+from sandbot_bringup.foresight import foresight
 from sandbot_bringup.plan import Plan, check_bed, plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_bringup.tools import campaign
 from sandbot_common.errors import InputError
+from sandbot_model.discovery import power
 
 GOOD = {"name": "a", "phi": [0.58, 0.6], "omega_rad_s": [4, 16], "replicates": 2, "gait": "UNIFORM"}
 
@@ -159,3 +164,42 @@ def test_a_live_bed_is_asked_for_a_phi_beyond_the_end_that_the_plan_sets(phi, be
         check_bed(plan_of({**GOOD, "phi": [phi], "bed": bed}, "plan"), live=True)
     # Control: the bed node's own settings may reach it.
     check_bed(plan_of({**GOOD, "phi": [0.575, 0.64], "bed": {"max_pulses": 8}}, "plan"), live=True)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0])
+def test_a_trial_has_all_the_periods_it_was_planned_with(rate_hz):
+    """However its set-points are rounded, and if the legs lag by half a frame."""
+    plan = plan_of({**GOOD, "periods": 2, "min_duration_s": 0.2, "setpoint_rate_hz": rate_hz}, "plan")
+    for omega in np.linspace(2, 30, 57):
+        period_s = 2 * np.pi / omega
+        assert 2 * period_s + 0.005 <= plan.setpoint_times_s(omega)[-1] <= 2 * period_s + 0.035
+
+
+def test_what_trials_are_too_short_for_is_said_and_not_counted_on(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(campaign, "foresight", lambda plan, trials, files: "")
+    path, said = tmp_path / "plan.yaml", {}
+    for periods in (2, 4):
+        extra = {"phi": 0.6, "omega_rad_s": 20, "gait": "SGCS"}
+        path.write_text(json.dumps({**GOOD, "periods": periods, "min_duration_s": 0.2, "extra_trials": [extra]}))
+        assert campaign.main([str(path), "--dry-run"]) == 0
+        said[periods] = [line for line in capsys.readouterr().out.split("\n") if line.startswith("note: ")]
+    why = "lift_m, peak_speed_m_s ({} frames in steady steps, at least 32 are needed); raise periods or min_duration_s"
+    assert said[2] == [
+        f"note: not measured at 16 rad/s: {why.format(19)}",
+        f"note: not measured at 20 rad/s in SGCS: {why.format(15)}",
+    ]
+    assert said[4] == []
+
+
+def test_the_forecast_does_without_what_is_not_measured(tmp_path, monkeypatch):
+    seen = []
+
+    def expected(design):
+        seen.append(design)
+        raise InputError("enough")
+
+    monkeypatch.setattr(power, "expected", expected)
+    plan = plan_of({**GOOD, "periods": 2, "min_duration_s": 0.2}, "plan")
+    assert "enough" in foresight(plan, trials_of(plan), files_of(plan, tmp_path, tmp_path))
+    assert np.isnan(seen[0].lift_m).tolist() == (seen[0].omega_rad_s == 16).tolist()
+    assert np.isfinite(seen[0].speed_m_s).all()

@@ -40,7 +40,9 @@ def test_a_stopped_trial_keeps_its_turn_and_a_failed_one_does_not_run_again():
     queue.begin(first)
     queue.put_back(first, "stopped")
     assert queue.next().trial_id == first
+    assert queue.entries[first].reason == "stopped"
     queue.begin(first)
+    assert queue.entries[first].reason == ""
     queue.fail(first, "no marker")
     assert queue.next().trial_id == second
     assert queue.failed == {first: "no marker"}
@@ -54,6 +56,11 @@ def test_what_failed_or_was_skipped_is_repeated_at_the_end():
     queue.repeat(second)
     queue.repeat(first)
     assert order(queue) == [*rest, second, first]
+    # Nor is it shown as skipped any longer, now or in a resumed campaign.
+    events = [{"do": do, "trial_id": second} for do in ("skip", "repeat")]
+    assert [one.entries[second].reason for one in (queue, Queue(PLAN, (), events), Queue(PLAN, (), events[:1]))] == [
+        "", "", "skipped by the operator",
+    ]  # fmt: skip
 
 
 def test_a_finished_trial_is_neither_skipped_nor_replaced():

@@ -10,7 +10,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
 from sandbot_tracking import fold, trial
 from sandbot_tracking.fold import NotMeasured
-from sandbot_tracking.trial import summarise
+from sandbot_tracking.trial import never_measured, summarise
 
 R, H = 0.0355, 0.025
 
@@ -57,6 +57,22 @@ def test_steps_of_whole_frames_are_measured_or_refused(rng):
             assert "peak speed: " in summary.reason
         else:
             assert summary.peak_speed_m_s == pytest.approx(10 * np.pi * R, rel=0.1)
+
+
+@pytest.mark.parametrize("omega", [6.0, 14.0, 24.0])
+@pytest.mark.parametrize("periods", [0.4, 1.9, 2.1, 3.1, 4.1])
+def test_what_a_trial_is_too_short_for_is_known_before_it_is_run(rng, omega, periods):
+    t = np.arange(-0.1, periods * 2 * np.pi / omega, 0.01)
+    x, z = walk(t, omega, 0.9)
+    leg_t, angle = legs(omega, t[-1])
+    summary = summarise(t, x, z, z, leg_t, angle)
+    lost = never_measured(leg_t[leg_t >= 0], angle[leg_t >= 0], 100.0)
+    assert [name for name in lost if np.isfinite(getattr(summary, name))] == []
+    assert ("speed_m_s" in lost) == np.isnan(summary.speed_m_s) == (periods < 2)
+    assert ("first_step_m" in lost) == np.isnan(summary.first_step_m) == (periods < 0.5)
+    assert ("lift_m" in lost) == np.isnan(summary.lift_m) == (periods < (2 if omega == 6 else 3))
+    # A faster camera.
+    assert ("lift_m" in never_measured(leg_t, angle, 1000.0)) == (periods < 2)
 
 
 def short_walks(omega, ratio, trials=12):

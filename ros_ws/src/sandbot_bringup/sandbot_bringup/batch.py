@@ -103,7 +103,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S, observe=bag.bed)
     bag.legs_start(prepared.duration_s + plan.standing_s)
 
-    t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
+    t_s = plan.setpoint_times_s(trial.omega_rad_s)
     angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s, world.body.legs_per_tripod)
     trace = simulate(world, bed.phi - world.week.phi_zero, t_s, angles, rates, seed=trial.seed)
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))

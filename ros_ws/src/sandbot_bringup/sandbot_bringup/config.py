@@ -9,6 +9,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_text
 from sandbot_common.robot import Robot, read_robot, robot_from_text
 from sandbot_common.suggest import did_you_mean
+from sandbot_record.bags.reader import is_bag
 from sandbot_tracking.calibration import Camera, read_cameras
 
 NO_CHOICE = ("cameras.yaml", "nodes.yaml", "robot.yaml")
@@ -39,7 +40,7 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
     """
     files = {}
     # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
-    bound = beside.resolve() == campaign.resolve() or any((campaign / "trials").glob("[!.]*/metadata.yaml"))
+    bound = beside.resolve() == campaign.resolve() or any(map(is_bag, (campaign / "trials").glob("[!.]*")))
     readers: tuple[tuple[str, str, Callable[[Path], Robot | dict[str, Camera]]], ...] = (
         ("robot.yaml", plan.robot, read_robot),
         ("cameras.yaml", plan.cameras, read_cameras),

@@ -10,6 +10,7 @@ import json
 import math
 import shutil
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,7 @@ class Desk:
     ) -> None:
         self.queue, self.hold = queue, services.hold
         self._node, self._folder, self._journal, self._keep_plan = node, folder, journal, keep_plan
-        self._stage = ""
+        self._stage = self._ended = ""
         self.look: Mapping[str, Any] | None = None
         self._answers: dict[str, dict[str, Any]] = {}
         self._status = publisher(node, topics.CAMPAIGN_STATUS)
@@ -69,7 +70,14 @@ class Desk:
 
     def enter(self, stage: str) -> None:
         """Set the stage of the trial under way; empty if there is none."""
-        self._stage = stage
+        self._stage, self._ended = stage, ""
+        self.say()
+
+    def end(self, reason: str) -> None:
+        """Nothing more is run, for ``reason``, unless a stage is entered again (--redo)."""
+        self._stage, self._ended = "", reason
+        with suppress(OSError, InputError):  # e.g. a full disk
+            self._journal.add("campaign", "end", reason=reason)
         self.say()
 
     def say(self) -> None:
@@ -82,8 +90,8 @@ class Desk:
             "campaign": self.queue.plan.name,
             "folder": str(self._folder),
             "gait": self.queue.plan.gait_name,
-            "state": self.hold.state,
-            "why": self.hold.why,
+            "state": "ended" if self._ended else self.hold.state,
+            "why": self._ended or self.hold.why,
             "stage": self._stage,
             "left_s": round(left_s, 1) if math.isfinite(left_s) else None,
             "queue": self.queue.rows(),

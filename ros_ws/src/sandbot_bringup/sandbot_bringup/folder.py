@@ -13,6 +13,7 @@ from pathlib import Path
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output, write_text, writing
+from sandbot_record.bags.reader import is_bag
 
 PATIENCE_S = 3.0
 PARTIAL = ".partial"
@@ -110,11 +111,15 @@ class CampaignFolder:
         """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
 
         A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
+        What has the name of a trial's bag and is none is set aside.
         """
         self.check(plan)
         self._keep(plan, files)
 
     def _keep(self, plan: Plan, files: Mapping[str, str]) -> None:
+        # A trial that has been run could not be given its name.
+        in_the_way = [trial.trial_id for trial in self.missing(trials_of(plan)) if self.bag(trial).exists()]
+        self.set_aside(dict.fromkeys(in_the_way, "not a bag"))
         with writing(self.path):
             for name, text in files.items():
                 write_text(self.path / name, text)
@@ -161,7 +166,7 @@ class CampaignFolder:
 
     def missing(self, trials: Iterable[PlannedTrial]) -> list[PlannedTrial]:
         """The trials without a finished bag. A bag gets its name only when closed, so its existence is enough."""
-        return [trial for trial in trials if not (self.bag(trial) / "metadata.yaml").exists()]
+        return [trial for trial in trials if not is_bag(self.bag(trial))]
 
 
 def sample_trial(plan: Plan) -> PlannedTrial:

@@ -5,7 +5,6 @@ import multiprocessing
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decide, looks_of
 from sandbot_common.dead_ports import fresh_participant_number
-from sandbot_common.errors import InputError
 from sandbot_common.node import start_ros, stop_signals, use_shared_memory
 from sandbot_common.process import real_time
 from sandbot_common.timer import end_timers
@@ -112,8 +110,7 @@ class _Campaign:
             reason = str(error)
             raise
         finally:
-            with suppress(OSError, InputError):  # e.g. a full disk
-                self._desk.note("end", reason=reason)
+            self._desk.end(reason)
 
     def repeat_failed(self) -> bool:
         """Queue the failed trials again; returns whether there were any."""
@@ -133,7 +130,7 @@ class _Campaign:
         trial = self.queue.next()
         if trial is None:
             return False
-        bar.total = bar.n + self.queue.waiting
+        bar.total = bar.n + self.queue.waiting + len(self.queue.failed)
         self._run(trial, bar)
         return True
 

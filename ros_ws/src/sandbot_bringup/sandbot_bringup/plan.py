@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.run_order import ORDERS, in_blocks, interspersed, sentinel_of
@@ -35,6 +36,8 @@ VERDICT = "verdict"
 DIGITS = {"phi": "%.4f", "omega_rad_s": "%06.3f"}
 """Precision to which conditions are distinguished in the names of their trials."""
 OMEGA_HIGH = 60.0
+END_S = 0.02
+"""How much longer than the periods asked for the legs turn: rounded set-points, or legs that lag, cut off none."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,11 @@ class Plan:
 
     def duration_s(self, omega_rad_s: float) -> float:
         """How long the legs turn in a trial at ``omega_rad_s``."""
-        return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s)
+        return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s + END_S)
+
+    def setpoint_times_s(self, omega_rad_s: float) -> NDArray[np.float64]:
+        """Times (n,) of the set-points of a trial at ``omega_rad_s``, from 0 on [s]."""
+        return np.arange(round(self.duration_s(omega_rad_s) * self.setpoint_rate_hz) + 1) / self.setpoint_rate_hz
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class Entry:
     turn: int
     state: State = State.WAITING
     reason: str = ""
-    """Why it failed, was stopped or is skipped; kept if it waits again."""
+    """Why it failed, was stopped or is skipped; kept until it is under way or repeated."""
     seconds: float = math.nan
     """How long it took, including the bed's preparation."""
     measured: Mapping[str, Any] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class Queue:
             case "skip":
                 entry.state, entry.reason = State.SKIPPED, "skipped by the operator"
             case "repeat":
-                entry.state = State.WAITING
+                entry.state, entry.reason = State.WAITING, ""
             case "failed" | "stopped":
                 entry.reason = str(event.get("reason", ""))
             case "done":
@@ -101,7 +101,7 @@ class Queue:
 
     def begin(self, trial_id: str) -> None:
         """A trial is under way."""
-        self.entries[trial_id].state = State.RUNNING
+        self.entries[trial_id].state, self.entries[trial_id].reason = State.RUNNING, ""
 
     def finish(self, trial_id: str, seconds: float, measured: Mapping[str, Any]) -> None:
         """The trial is done; its bag is closed."""
@@ -133,7 +133,7 @@ class Queue:
             return self.add(condition)
         if entry.state not in (State.FAILED, State.SKIPPED):
             raise InputError(f"{trial_id} is {entry.state}; only a trial that is over can be repeated")
-        entry.state, entry.turn = State.WAITING, self._last_turn + 1
+        entry.state, entry.reason, entry.turn = State.WAITING, "", self._last_turn + 1
         return f"{trial_id} is run again, at the end"
 
     def add(self, condition: Mapping[str, Any]) -> str:

@@ -108,8 +108,7 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
     Raises NotMeasured.
     """
     seen = np.isfinite(value)
-    if seen.sum() < 4 * MIN_POINTS:
-        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * MIN_POINTS} are needed")
+    check_enough(int(seen.sum()))
     order = np.argsort(phase[seen], kind="stable")
     phase, value = phase[seen][order], value[seen][order]
     left, middle, right = phase[:-2], phase[1:-1], phase[2:]
@@ -118,6 +117,12 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
     deviation = deviation / np.sqrt(1 + share**2 + (1 - share) ** 2)
     deviation = np.concatenate((deviation[:1], deviation, deviation[-1:]))
     return Folded(phase, value, _spread(deviation), deviation, advance)
+
+
+def check_enough(frames: int) -> None:
+    """Raise NotMeasured if so few frames in steady steps give neither lift nor peak speed."""
+    if frames < 4 * MIN_POINTS:
+        raise NotMeasured(f"{frames} frames in steady steps, at least {4 * MIN_POINTS} are needed")
 
 
 def _grouped(values: Floats, size: int) -> Floats:

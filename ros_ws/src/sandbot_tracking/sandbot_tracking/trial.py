@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_tracking.fold import NotMeasured, peak_height, peak_slope
+from sandbot_tracking.fold import NotMeasured, check_enough, peak_height, peak_slope
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ SWIMMING_SLACK = 0.8
 
 STARTS_IN_STEP = np.pi / 4
 """Largest distance [rad] of the legs' start from the beginning of a step for a first step to be defined."""
+
+OUT_OF_STEP = "the legs start {:.2f} rad from its begin"
 
 NO_LIFT_M, FAR_ABOVE = 1e-4, 4.0
 """A body that rises less than NO_LIFT_M is not carried by its legs, and its peak is below FAR_ABOVE times the mean."""
@@ -117,6 +119,29 @@ def summarise(
     return TrialSummary(speed, speed_sd, lift, peak, first, frames, gaps, cycles, "; ".join(reasons))
 
 
+def never_measured(leg_t_s: ArrayLike, leg_angle: ArrayLike, frame_rate_hz: float) -> dict[str, str]:
+    """The observables, as fields of ``TrialSummary``, for which a trial is too short at this frame rate, with
+    the reasons.
+
+    leg_t_s (m,) and leg_angle (m, legs) [rad] as planned, from the start to the stop. Raises InputError if their shapes
+    do not match.
+    """
+    try:
+        edges, early = handovers(leg_t_s, leg_angle, float(np.asarray(leg_t_s)[0]))
+    except NotMeasured as why:
+        return dict.fromkeys(("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m"), str(why))
+    found = {"first_step_m": OUT_OF_STEP.format(abs(early))} if abs(early) > STARTS_IN_STEP else {}
+    if edges.size < 5:
+        return dict.fromkeys(("speed_m_s", "lift_m", "peak_speed_m_s"), "no whole steady period") | found
+    # Cut within the steps (``steady_steps``), the whole periods have one step less.
+    last = (edges.size - 1) // 2 * 2 - 1
+    try:
+        check_enough(int((edges[last] - edges[2]) * frame_rate_hz))
+    except NotMeasured as why:
+        found |= dict.fromkeys(("lift_m", "peak_speed_m_s"), str(why))
+    return found
+
+
 def _plausible(peak: float, speed: float, lift: float) -> float:
     """The peak speed. Raises NotMeasured if the folded curve missed the arc, or has a spurious one.
 
@@ -172,7 +197,7 @@ def _to_handover(angle: Floats) -> float:
 
 def _first_step(t: Floats, x: Floats, edges: Floats, early: float, reasons: list[str]) -> float:
     if abs(early) > STARTS_IN_STEP:
-        reasons.append(f"first step: the legs start {abs(early):.2f} rad from its begin; is leg_mount_rad right?")
+        reasons.append(f"first step: {OUT_OF_STEP.format(abs(early))}; is leg_mount_rad right?")
         return np.nan
     before = np.isfinite(x) & (t <= edges[0] + 1e-9)
     start = float(np.mean(x[before][-20:])) if before.any() else position_at(t, x, edges[0], edges[1] - edges[0])

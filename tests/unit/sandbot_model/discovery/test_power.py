@@ -49,6 +49,14 @@ def test_replicates_show_weaker_effects(drawn):
     assert many < 0.75 * few
 
 
+def test_nothing_is_expected_of_what_is_not_measured(drawn):
+    trials = drawn(levels=4)
+    without = dataclasses.replace(trials, lift_m=np.where(trials.omega_rad_s > 10, np.nan, trials.lift_m))
+    cells = expected(without).cells
+    assert np.isnan(cells.mean[:, Observable.lift]).tolist() == (cells.omega > 10).tolist()
+    assert weakest(without)["stance_overlap"] > weakest(trials)["stance_overlap"]
+
+
 @pytest.mark.slow
 def test_at_that_strength_it_is_claimed_in_most_campaigns_and_far_below_in_none(drawn):
     eta = weakest(drawn(levels=4))["stance_overlap"]

@@ -319,12 +319,33 @@ def test_what_is_printed_is_a_table_and_nothing_else(tmp_path, capsys):
 def test_bags_that_give_no_row_are_named(tmp_path, capsys):
     folder = campaign(tmp_path)
     file = folder / "trials" / "t1" / "t1_0.mcap"
-    file.write_bytes(file.read_bytes()[:-50])
     assert table_tool.main([str(folder)]) == 0
+    file.write_bytes(file.read_bytes()[:-50])
+    assert table_tool.main([str(folder)]) == 1
     assert len(read_csv(folder / "trials.csv")) == 2
     printed = capsys.readouterr().out
     assert "skipped: " in printed
     assert "recover" in printed
+
+
+def test_what_was_not_measured_of_a_good_trial_is_told(tmp_path, capsys):
+    """The table says how often, info on the bag says why; of a whole trial, of a table and of another bag neither."""
+    bag = bags.trial_bag(
+        tmp_path / "run" / "trials" / "hidden",
+        kept=lambda topic, t_s: t_s < 0.7 or topic not in (topics.FRONT_AXLE, topics.REAR_AXLE),
+    )
+    whole = bags.trial_bag(bag.parent / "whole", plan=bags.PLAN | {"trial_id": "whole"})
+    assert table_tool.main([str(tmp_path / "run")]) == 0
+    said = "not measured: lift_m in 1 of 2 usable trials, at 8 rad/s (info on a bag says why)"
+    assert capsys.readouterr().out.splitlines()[1:] == [said]
+    assert info_tool.main([str(bag)]) == 0
+    why = "lift: 0 frames in steady steps, at least 32 are needed"
+    assert capsys.readouterr().out.splitlines()[-1] == f"Not measured:      {why}"
+    assert table_tool.main([str(tmp_path / "run" / "trials.csv")]) == 0
+    for other in (whole, bags.legs_bag(tmp_path / "legs")):
+        assert info_tool.main([str(other)]) == 0
+    printed = capsys.readouterr()
+    assert "not measured" not in (printed.out + printed.err).lower()
 
 
 def test_the_command_line_refuses_in_one_line(tmp_path, capsys):

@@ -233,13 +233,13 @@ function drawQueue(queue) {
 }
 
 function drawCampaign(campaign) {
-  const gone = !campaign.queue || campaign.age_s > 5, queue = campaign.queue ?? [];
+  const ended = campaign.state === "ended", gone = !campaign.queue || ended || campaign.age_s > 5, queue = campaign.queue ?? [];
   const count = state => queue.filter(one => one.state === state).length;
   const over = count("done"), failed = count("failed"), left = count("waiting") + count("running");
   const parts = [`${over} of ${over + failed + left} done`, failed && `${failed} failed`, count("skipped") && `${count("skipped")} skipped`,
     left && campaign.left_s != null && campaign.state === "running" && `${span(campaign.left_s)} left, until ${clock(Date.now() + 1000 * campaign.left_s)}`];
   const numbers = parts.filter(Boolean).join(" · ");
-  const state = gone ? (queue.length ? "has ended" : "no campaign is running")
+  const state = !queue.length ? "no campaign is running" : ended ? `has ended: ${campaign.why}` : gone ? "is silent: killed or frozen"
     : campaign.state === "held" ? `HELD: ${campaign.why}`
     : campaign.state === "running" ? campaign.stage : campaign.state === "pausing" ? `${campaign.stage}; then it pauses` : campaign.state;
   by("campaign-name").textContent = campaign.campaign ?? "";

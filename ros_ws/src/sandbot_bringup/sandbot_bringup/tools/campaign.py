@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.foresight import foresight, gaps, in_words
 from sandbot_bringup.plan import (
     VERDICT,
     VERDICT_KEYS,
@@ -51,9 +52,9 @@ def command(argv: Sequence[str]) -> int:
     folder.check(plan)
     check_bed(plan, live=not options.batch)
     world = _lab(plan, folder, files, options) if options.batch else None
+    for gap in in_words(gaps(plan, trials, files)):
+        print(f"note: {gap}; raise periods or min_duration_s")
     if options.dry_run:
-        from sandbot_bringup.foresight import foresight
-
         print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
         return 0
     redo = functools.partial(_not_ok, folder) if options.redo else None

@@ -72,7 +72,10 @@ def in_words(found: list[Detectable], names: Iterable[str]) -> str:
 
 
 def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
-    """The base model fitted to a campaign that has not been run: the ground of Li09, usual scatter, nothing hidden."""
+    """The base model fitted to a campaign that has not been run: the ground of Li09, usual scatter, nothing hidden.
+
+    ``design``: its trials, any numbers in place of what they will measure; what is NaN they can't.
+    """
     robot, usual = design.robot or SANDBOT, PredictorParameters()
     phi, k = np.array(usual.phi), np.array(usual.k_n_per_m)
     model = model_of("simple", (), catalogue(), robot)
@@ -83,7 +86,10 @@ def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
     values = np.broadcast_to(model.walker.predict(inputs, params).observables, (len(design), len(Observable)))
     noise = np.random.default_rng(0).standard_normal(values.shape)
     values = values + usual_noise(design.accuracy or USUAL) * noise
-    columns: dict[str, Any] = {observable.column: values[:, observable] for observable in Observable}
+    columns: dict[str, Any] = {
+        observable.column: np.where(np.isfinite(getattr(design, observable.column)), values[:, observable], np.nan)
+        for observable in Observable
+    }
     plain = fit(model, cells_of(replace(design, **columns)))
     return fitted_at(model, plain.cells, plain.point, nuisances_for(plain, criteria))
 

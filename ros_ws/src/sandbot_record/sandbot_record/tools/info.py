@@ -1,6 +1,7 @@
 """info: what a bag holds, whether it is complete (exit code 1: unfinished or damaged), and where it comes from."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,7 +23,7 @@ def _info(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     bag = Bag.open(options.bag, strict=False)
     films = [_film(bag, topic, file) for topic, file in bag.videos.items() if file.is_file()]
-    print("\n".join([describe(bag), *films]))
+    print("\n".join([describe(bag), *films, *_not_measured(bag)]))
     return 1 if bag.problems else 0
 
 
@@ -70,6 +71,17 @@ def _film(bag: Bag, topic: str, file: Path) -> str:
         bag.problems.append(f"{file.name}: {counted(gone, 'frame')} missing or damaged")
     intact = bag.topics[topic].count - gone
     return f"Video:             {file.name} | {intact} frames intact, {gone} not | {_size(file.stat().st_size)}"
+
+
+def _not_measured(bag: Bag) -> list[str]:
+    """A line on what of a whole trial was not measured; none for other bags."""
+    # Imported here, so that nobody else waits for it.
+    from sandbot_record.trials.from_bags import not_measured
+
+    with suppress(InputError):
+        if not bag.problems and (reason := not_measured(bag)):
+            return [f"Not measured:      {reason}"]
+    return []
 
 
 def _size(count: float) -> str:

@@ -1,8 +1,10 @@
-"""table: bags to the trials table (trials.csv)."""
+"""table: bags to the trials table (trials.csv); exit code 1: bags that give no row were skipped."""
 
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
@@ -11,15 +13,15 @@ from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import to_csv, write_csv
 from sandbot_record.trials.read import read
-from sandbot_record.trials.table import OK
+from sandbot_record.trials.table import OK, Trials
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+    """Run the command line; exit code 1 if bags were skipped."""
     return cli.run(_table, argv)
 
 
-def _table(argv: Sequence[str]) -> None:
+def _table(argv: Sequence[str]) -> int:
     parser = cli.Parser(prog="table", description=__doc__)
     parser.add_argument("data", nargs="+", type=Path, metavar="DATA", help="a campaign folder, bags or trials CSVs")
     parser.add_argument(
@@ -28,6 +30,7 @@ def _table(argv: Sequence[str]) -> None:
     add_crew(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
     skipped: Mapping[Path, str] = {}
+    has_bags = False
     out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
@@ -36,7 +39,7 @@ def _table(argv: Sequence[str]) -> None:
         with crew_of(options) as crew:
             crew.check(first)
             report = table.make(first.absolute() if options.dask else first, crew, out)
-        rows, skipped = report.trials, report.skipped
+        rows, skipped, has_bags = report.trials, report.skipped, bool(report.bags)
     else:
         no_crew(options, "only the bags of one folder are shared out; these are read one by one")
         out = out and table.check_no_column_lost(out)
@@ -56,6 +59,21 @@ def _table(argv: Sequence[str]) -> None:
         print(f"not usable: {row.trial_id}: {row.status}", file=stream)
     for line in skipped.values():
         print(f"skipped: {line}", file=stream)
+    if has_bags:
+        for line in _gaps(rows.select(rows.usable)):
+            print(f"not measured: {line} (info on a bag says why)", file=stream)
+    return 1 if skipped else 0
+
+
+def _gaps(usable: Trials) -> list[str]:
+    """In how many trials, at which frequencies, each column besides the mean speed has no value."""
+    missing = {name: np.isnan(getattr(usable, name)) for name in ("lift_m", "peak_speed_m_s", "first_step_m")}
+    return [
+        f"{name} in {gap.sum()} of {len(usable)} usable trials, at "
+        f"{', '.join(f'{omega:g}' for omega in np.unique(usable.omega_rad_s[gap]))} rad/s"
+        for name, gap in missing.items()
+        if gap.any()
+    ]
 
 
 if __name__ == "__main__":

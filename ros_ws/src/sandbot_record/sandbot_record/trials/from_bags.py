@@ -23,7 +23,7 @@ from sandbot_record.trials.cache import CACHE as CACHE
 from sandbot_record.trials.cache import Cache, Measured, content_hash, files_of
 from sandbot_record.trials.csv_table import foreign, read_csv, write_csv
 from sandbot_record.trials.legs import leg_columns
-from sandbot_record.trials.setting import of_bag, of_campaign, shared
+from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
@@ -88,8 +88,7 @@ def _read(path: Path) -> Measured:
     exit_status = _exit_status(bag)
     setting = of_bag(bag, plan, math.nan)
     try:
-        robot = replace(setting.robot or SANDBOT, leg_mount_rad=_leg_mount_rad(plan, setting.robot))
-        summary, frame_rate_hz = _summary(bag, robot)
+        summary, frame_rate_hz = _summary(bag, _robot(plan, setting))
     except InputError as error:
         return replace(row, status=str(error).removeprefix(f"{path}: ")), setting
     row = replace(
@@ -104,6 +103,16 @@ def _read(path: Path) -> Measured:
         row, status=_status(row, exit_status, judge.fault(bag, start_ns(bag), row.omega_rad_s), summary.reason)
     )
     return row, replace(setting, frame_rate_hz=frame_rate_hz)
+
+
+def not_measured(bag: Bag) -> str:
+    """What of a trial was not measured, and why; empty if all was. Raises InputError if the bag is not of a trial."""
+    plan = plan_of(bag)
+    return _summary(bag, _robot(plan, of_bag(bag, plan, math.nan)))[0].reason
+
+
+def _robot(plan: dict[str, Any], setting: Setting) -> Robot:
+    return replace(setting.robot or SANDBOT, leg_mount_rad=_leg_mount_rad(plan, setting.robot))
 
 
 def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
