@@ -59,7 +59,8 @@ def test_where_a_zero_denies_an_effect_errors_cover_the_fit_with_it_too(drawn):
     assert "would be identified: stance_overlap (standard errors of Δt and k cover both)" in found.verdict.because
     here, there = found.fit.parameters["delta_t_s"], other.parameters["delta_t_s"]
     own = averaged_over_scatter(found.fit, DEFAULT).parameters["delta_t_s"].stderr
-    rms = np.sqrt((own**2 + there.stderr**2 + (there.value - here.value) ** 2) / 2)
+    weight = 1 / (1 + np.exp((other.bic - found.fit.bic) / 2))
+    rms = np.sqrt((1 - weight) * own**2 + weight * (there.stderr**2 + (there.value - here.value) ** 2))
     assert here.stderr == pytest.approx(rms, rel=0.05)
     assert here.stderr > 1.5 * own
     assert (found.fit.k_stderr_n_per_m > 0.7 * np.abs(other.k_n_per_m - found.fit.k_n_per_m)).all()

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
+from sandbot_model.discovery.candidates import bic_weights
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -118,15 +119,16 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
 
 
 def averaged_with(fit: Fit, other: Fit) -> Fit:
-    """The same fit with the rms errors about it of both models, which explain the same data: either may be true.
+    """The same fit with the rms errors about it of both models, each with its BIC weight: either may be true.
 
     ``other`` has all parameters of the fit, and more.
     """
+    weight = bic_weights({fit.effects: fit, other.effects: other})[other.effects]
     names = list(other.model.names)
     own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
     there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
     away = np.where(np.isnan(fit.stderr + other.stderr[own]), 0.0, there[own] - here)
-    moments = (fit.covariance + other.covariance[np.ix_(own, own)] + np.outer(away, away)) / 2
+    moments = (1.0 - weight) * fit.covariance + weight * (other.covariance[np.ix_(own, own)] + np.outer(away, away))
     return replace(fit, stderr=np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments))), covariance=moments)
 
 
