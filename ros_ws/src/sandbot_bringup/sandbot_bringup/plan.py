@@ -37,7 +37,8 @@ DIGITS = {"phi": "%.4f", "omega_rad_s": "%06.3f"}
 """Precision to which conditions are distinguished in the names of their trials."""
 OMEGA_HIGH = 60.0
 END_S = 0.02
-"""How much longer than the periods asked for the legs turn: rounded set-points, or legs that lag, cut off none."""
+"""How much longer than two periods the legs turn at least, so that rounded set-points, or legs that lag, do not cut off
+the end of the second, the only steady one."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,8 @@ class Plan:
 
     def duration_s(self, omega_rad_s: float) -> float:
         """How long the legs turn in a trial at ``omega_rad_s``."""
-        return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s + END_S)
+        period_s = 2 * math.pi / omega_rad_s
+        return max(self.min_duration_s, self.periods * period_s, 2 * period_s + END_S)
 
     def setpoint_times_s(self, omega_rad_s: float) -> NDArray[np.float64]:
         """Times (n,) of the set-points of a trial at ``omega_rad_s``, from 0 on [s]."""
