@@ -1,6 +1,6 @@
 """Force given and force needed against depth: by the chosen model (Li09 Fig. 3c), by the full model (Fig. 4a)."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def _families(panel: "Axes", material: Material, found: list[Forces], unit_n: fl
     one = all(np.allclose(at.given_n, found[0].given_n, rtol=SAME) for at in found)
     levels, colours = bands(material.cells), phi_colours(len(material.cells.level_phi))
     for i, band in enumerate(levels):
-        looks = {"color": colours[band.level]}
+        looks: dict[str, Any] = {"color": colours[band.level]}
         panel.plot(CM * found[0].depth_m, found[0].given_n[i] / unit_n, label=f"{band.phi:.3f}", **looks)
         if not one:
             panel.plot(CM * found[-1].depth_m, found[-1].given_n[i] / unit_n, linestyle=(0, (4, 1.5)), **looks)
