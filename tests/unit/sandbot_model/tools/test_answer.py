@@ -14,6 +14,7 @@ from sandbot_common import terminal
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import candidates
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
@@ -27,7 +28,7 @@ from sandbot_model.fitting.text import NO_ERROR, counted, table, to_error, wrapp
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.variants import with_variants
-from sandbot_model.report import captions, figure_sections, rivals
+from sandbot_model.report import captions, figure_sections, rivals, table_sections
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
@@ -277,11 +278,29 @@ def test_how_to_repeat_another_convention_is_said_and_switched_on(two, variant):
         assert again.deviance == pytest.approx(fit.deviance, abs=0.01)
 
 
-def test_candidates_say_what_they_were_fitted_without(two):
+def test_why_one_model_has_two_numbers_is_said_below_the_ladder(two):
     assert two.fit.nuisances is not None
-    assert "without the nuisances" in tables.candidates(two, 5)
+    told = " ".join(tables.ladder_of(two).split())
+    assert told.endswith("compare, p in 'why' and single effects below are without.")
     beside = replace(two, fits=tuple(replace(one, nuisances=two.fit.nuisances) for one in two.fits))
-    assert "without the nuisances" not in tables.candidates(beside, 5)
+    assert " ".join(tables.ladder_of(beside).split()).endswith("; compare is without.")
+    plain = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=None)))
+    assert tables.ladder_of(plain) == tables.ladder(plain.steps)
+
+
+def test_a_candidate_that_is_not_named_for_its_values_is_marked(two, monkeypatch):
+    """One stood between the two alternatives without a word why it was none."""
+    found = replace(two, verdict=replace(two.verdict, alternatives=(("leg_slip",),)))
+    assert all(one.delta_bic < 0 for one in found.candidates)
+    assert "*" not in tables.candidates(found, 5)
+    monkeypatch.setattr(candidates, "doubtful_parameters", lambda _: ["delta_t_s"])
+    told = tables.candidates(found, 5)
+    assert "\ncable_drag *" in told
+    assert "leg_slip *" not in told
+    assert "* only with implausible values, so not named: cable_drag with delta_t_s = 0." in " ".join(told.split())
+    (section,) = table_sections.candidates(found)
+    assert [row[0] for row in section.tables[0].rows if "*" in row[0]] == ["cable drag *"]
+    assert "so not named: cable drag with delta_t_s = 0." in section.tables[0].caption
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
 """Each single effect compared with the base model, and the BIC weight of the sets that contain it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.discovery.verdict import Sets
+from sandbot_model.discovery.verdict import Sets, doubtful_parameters, with_plausible_ranges
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
 
@@ -32,6 +33,17 @@ def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
             change, cv = (single.deviance - base.deviance, single.bic - base.bic), single.cross_validation
             found.append(Candidate(name, effect.stage, *change, cv.rmse["speed"], cv.cells, weight))
     return sorted(found, key=lambda candidate: candidate.delta_bic)
+
+
+def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit]) -> dict[str, str]:
+    """Of the single effects that lower the BIC but can't be named, effect → the implausible values at which it fits."""
+    alone = {fit.effects: fit for fit in fits}
+    lower = [fit for one in found if one.delta_bic < 0 and (fit := alone.get((one.effect,)))]
+    return {fit.effects[0]: " and ".join(held) for fit in lower if (held := _implausible_values(fit))}
+
+
+def _implausible_values(fit: Fit) -> list[str]:
+    return with_plausible_ranges(fit, doubtful_parameters(fit))
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

@@ -20,7 +20,7 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
-from sandbot_model.discovery.candidates import Candidate, candidates
+from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
 from sandbot_model.discovery.conventions import (
     admit_rivals,
     conventions,
@@ -104,6 +104,12 @@ class Discovery:
     def fit(self) -> Fit:
         """The last step of the ladder: the set that the verdict names, or the base model."""
         return self.steps[-1]
+
+    @property
+    def only_implausible(self) -> dict[str, str]:
+        """Single effects that lower the BIC and are not named, as they fit only with the values given, in words."""
+        found = only_implausible(self.candidates, self.fits)
+        return {name: values for name, values in found.items() if (name,) not in self.verdict.alternatives}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data of schema ``sandbot.discovery/2``; unknown numbers are None."""

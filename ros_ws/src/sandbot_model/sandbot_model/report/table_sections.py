@@ -31,10 +31,12 @@ def candidates(discovery: Discovery) -> list[Section]:
     if not discovery.candidates:
         return []
     ranked = sorted(discovery.candidates, key=lambda c: c.delta_bic)
+    implausible = discovery.only_implausible
     rows = [
         (
-            readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic),
-            text.number(CM * c.cv_rmse_m_s, 2), str(c.cv_cells), text.probability(c.weight),
+            f"{readable(c.effect)}{' *' * (c.effect in implausible)}", c.stage,
+            text.number(c.delta_chi2), text.number(c.delta_bic), text.number(CM * c.cv_rmse_m_s, 2),
+            str(c.cv_cells), text.probability(c.weight),
         )
         for c in ranked
     ]  # fmt: skip
@@ -42,6 +44,8 @@ def candidates(discovery: Discovery) -> list[Section]:
         "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more "
         "negative, the better. Weight: sum of the BIC weights of all sets tried that contain the effect."
     )
+    if listed := "; ".join(f"{readable(name)} with {values}" for name, values in implausible.items()):
+        caption += f" * Only with implausible values, so not named: {listed}."
     head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "cells scored", "weight")
     words = (True, True, *[False] * 5)
     tables = [Table(caption, head, rows[:BEST_CANDIDATES], words)]

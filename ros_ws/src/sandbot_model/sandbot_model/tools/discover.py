@@ -133,7 +133,7 @@ def _tables(found: "Discovery", verbose: bool) -> str:
     """The numbers behind the verdict and what to measure next; all of them if ``verbose``, else the main ones."""
     from sandbot_model.tools import tables
 
-    parts = [tables.ladder(found.steps)]
+    parts = [tables.ladder_of(found)]
     if found.stages and verbose:
         parts.append(tables.stages(found))
     if found.candidates:

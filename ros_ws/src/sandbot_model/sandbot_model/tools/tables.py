@@ -15,10 +15,8 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
 
-WITHOUT_NUISANCES = (
-    "Each alone on the base model, without the nuisances (zero of the lift, scale of speed, drift) that the ladder's "
-    "last step is fitted with."
-)
+WITH_NUISANCES = "The last step is fitted with nuisances (zero of the lift, scale of speed, drift); {} without."
+"""Why one model may have two values of p and of the error out of sample."""
 
 
 def data_line(fit: Fit) -> str:
@@ -41,6 +39,15 @@ def notes(found: Sequence[str]) -> str:
 def ladder(steps: Sequence[Fit]) -> str:
     """Each step's error per observable, in and out of sample, over the noise floor."""
     return table(ladder_rows(steps))
+
+
+def ladder_of(discovery: Discovery) -> str:
+    """The ladder of a discovery, and what of its last step differs from fits elsewhere."""
+    if discovery.fit.nuisances is None:
+        return ladder(discovery.steps)
+    beside = all(fit.nuisances is None for fit in discovery.fits)
+    note = WITH_NUISANCES.format("compare, p in 'why' and single effects below are" if beside else "compare is")
+    return f"{ladder(discovery.steps)}\n{filled(note)}"
 
 
 def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
@@ -104,10 +111,11 @@ def _more(count: int) -> str:
 def candidates(discovery: Discovery, most: int) -> str:
     """Single effects and what each improves."""
     rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of\nsample\n[cm/s]", "cells\nscored", "weight"]]
+    implausible, shown = discovery.only_implausible, [one.effect for one in discovery.candidates[:most]]
     for candidate in discovery.candidates[:most]:
         rows.append(
             [
-                candidate.effect,
+                f"{candidate.effect}{' *' * (candidate.effect in implausible)}",
                 candidate.stage,
                 f"{candidate.delta_chi2:+.1f}",
                 f"{candidate.delta_bic:+.1f}",
@@ -116,9 +124,9 @@ def candidates(discovery: Discovery, most: int) -> str:
                 f"{candidate.weight:.2f}",
             ]
         )
-    beside = discovery.fit.nuisances is not None and all(fit.nuisances is None for fit in discovery.fits)
-    alone = f"\n{filled(WITHOUT_NUISANCES)}" if beside else ""
-    return table(rows, left=(0, 1)) + _more(len(discovery.candidates) - most) + alone
+    listed = "; ".join(f"{name} with {values}" for name, values in implausible.items() if name in shown)
+    note = f"\n{filled(f'* only with implausible values, so not named: {listed}')}" if listed else ""
+    return table(rows, left=(0, 1)) + _more(len(discovery.candidates) - most) + note
 
 
 def stages(discovery: Discovery) -> str:
