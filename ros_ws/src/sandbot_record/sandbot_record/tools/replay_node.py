@@ -85,7 +85,7 @@ class Replay(Node):
         self.create_service(Trigger, "replay/restart", self._on_restart)
         self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds per second, above 0"))
         self.declare_parameter(
-            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
+            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the bag's first message]")
         )
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
@@ -142,7 +142,7 @@ class Replay(Node):
         now = time.monotonic_ns()
         with self._lock:
             player = self._player
-            offset_s = (player.position_ns(now) - int(player.timeline.times_ns[0])) / SECOND_NS
+            offset_s = (player.position_ns(now) - player.timeline.start_ns) / SECOND_NS
             if key == " ":
                 player.pause(not player.paused, now)
             elif key in ("\x1b[C", "\x1b[D"):
