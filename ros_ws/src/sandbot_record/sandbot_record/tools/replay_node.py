@@ -41,8 +41,8 @@ _SPIN_NS = 200_000
 """The last part of a wait is a busy loop, as a sleep ends late by about this much."""
 _MIN_DEPTH = 50
 _DISCOVERY_S, _CHECK_PERIOD_S = 0.5, 0.05
-_COMMANDS = (topics.LEG_SETPOINTS.name, topics.BED_BLOWER.name, topics.OPERATOR_LEASE.name)
-"""Topics that control legs and air."""
+_COMMANDS = tuple(topic.name for topic in topics.COMMANDS)
+_MEASURED = tuple(topic.name for topic in topics.MEASURED)
 _REPORTS = (topics.LEG_STATES.name, topics.BED_HEIGHT.name)
 """Topics that a live robot and bed publish."""
 _KEY = re.compile("\x1b\\[[A-D]|.")
@@ -53,7 +53,7 @@ _KEY = re.compile("\x1b\\[[A-D]|.")
 class Options:
     """How to publish: new names for topics, /clock or not, and how long to wait for the discovery of subscribers.
 
-    ``commands``: whether to publish commands for legs and air even if a live robot or bed would obey them.
+    ``commands``: whether to publish also what a live robot or bed would obey, and what a trial would be measured by.
     """
 
     remap: Mapping[str, str]
@@ -93,16 +93,16 @@ class Replay(Node):
         Timer(self, _CHECK_PERIOD_S, self._check)
 
     def _live_topics(self) -> tuple[str, ...]:
-        """Topics that another commander, or a robot or bed that would obey the bag's commands, would publish."""
+        """Topics that another commander, a robot or bed that would obey the bag, or a second source would publish."""
         # In any namespace: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
-        spaces = {name.removesuffix(end) for name in self._commands for end in _COMMANDS if name.endswith(end)}
-        return tuple(space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS))
+        commands = self._outlets_ending(_COMMANDS)
+        spaces = {name.removesuffix(end) for name in commands for end in _COMMANDS if name.endswith(end)}
+        obeying = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
+        return (*obeying, *self._outlets_ending(_MEASURED))
 
-    @property
-    def _commands(self) -> list[str]:
-        """The bag's topics that control legs or air, under their published names."""
-        names = [outlet.topic_name for outlet in self._outlets.values()]
-        return [name for name in names if name.endswith(_COMMANDS)]
+    def _outlets_ending(self, ends: tuple[str, ...]) -> list[str]:
+        """The published names of the bag's topics that end so, in any namespace."""
+        return [outlet.topic_name for outlet in self._outlets.values() if outlet.topic_name.endswith(ends)]
 
     def _check_not_live_at_start(self) -> None:
         """Repeat ``_check_not_live`` until the discovery of publishers has had its time."""
@@ -112,12 +112,12 @@ class Replay(Node):
             self._stop.wait(_CHECK_PERIOD_S)
 
     def _check_not_live(self) -> None:
-        """Raise InputError if commands would reach a running robot or bed, or compete with another commander."""
+        """Raise InputError if commands would reach a running robot or bed, or messages mix with those of others."""
         for name in self._watched:
             if any(other != self.get_name() for other in names_of(self.get_publishers_info_by_topic(name))):
                 raise InputError(
-                    f"the trackway is live ({name} is published), and legs or air would obey the bag's "
-                    f"{' and '.join(self._commands)}; leave them out with --topics, or insist with --with-commands"
+                    f"the trackway is live ({name} is published) and would take the bag's messages for its own; "
+                    "rename them (--remap, or all of them with --ros-args -r __ns:=/replay), or insist with --with-commands"
                 )
 
     def close(self) -> None:
