@@ -109,6 +109,13 @@ def test_a_loop_of_one_topic_takes_as_long_as_its_bag(tmp_path):
     assert played(Player(led), range(0, 10_000 * MS, MS)) == [(300 * MS, 300)]
 
 
+def test_a_part_without_messages_is_refused_unless_something_was_latched(tmp_path):
+    bag = Bag.open(bags.trial_bag(tmp_path / "b"))
+    with pytest.raises(InputError, match="no messages on these topics in this part of the bag"):
+        Player(Timeline(bag, ["/sync_led"]), start_s=0.5)
+    assert Player(Timeline(bag, ["/trial"]), start_s=0.5).latched_before_start()
+
+
 def test_what_has_no_duration_is_not_looped(timeline, tmp_path):
     one = Timeline(Bag.open(bags.legs_bag(tmp_path / "one", count=1)))
     assert played(Player(one), [0, MS]) == [(0, 0)]

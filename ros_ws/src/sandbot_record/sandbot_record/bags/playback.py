@@ -163,6 +163,8 @@ class Player:
             raise InputError(f"rate {rate} is not above 0")
         self.timeline, self.loop = timeline, loop
         self.span = self._span(start_s, until_s)
+        if self.span.first == self.span.end and not self.latched_before_start():
+            raise InputError("nothing to replay: no messages on these topics in this part of the bag")
         self.index = self.span.first
         self.rounds = 0
         self.paused = False

@@ -117,7 +117,7 @@ class Replay(Node):
             if any(other != self.get_name() for other in names_of(self.get_publishers_info_by_topic(name))):
                 raise InputError(
                     f"the trackway is live ({name} is published) and would take the bag's messages for its own; "
-                    "rename them (--remap, or all of them with --ros-args -r __ns:=/replay), or insist with --with-commands"
+                    "rename them (--remap, or all with --ros-args -r __ns:=/replay), or insist with --with-commands"
                 )
 
     def close(self) -> None:
