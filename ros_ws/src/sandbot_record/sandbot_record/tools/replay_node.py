@@ -13,7 +13,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,12 +71,14 @@ class Replay(Node):
         self._player, self._options = player, options
         self._lock = threading.Lock()
         self._changed, self._stop = threading.Event(), threading.Event()
-        self._outlets = {
-            name: self.create_publisher(_class(info), options.remap.get(name, topics.relative(name)), _qos(info))
-            for name, info in player.timeline.topics.items()
-        }
-        self._watched = () if options.commands else self._live_topics()
+        played = player.timeline.topics
+        names = {name: self.resolve_topic_name(options.remap.get(name, topics.relative(name))) for name in played}
+        self._watched = () if options.commands else _live_topics(names.values())
+        # Before there is a publisher: a campaign would end its trial because of it.
         self._check_not_live_at_start()
+        self._outlets = {
+            name: self.create_publisher(_class(info), names[name], _qos(info)) for name, info in played.items()
+        }
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
@@ -91,18 +93,6 @@ class Replay(Node):
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
         Timer(self, _CHECK_PERIOD_S, self._check)
-
-    def _live_topics(self) -> tuple[str, ...]:
-        """Topics that another commander, a robot or bed that would obey the bag, or a second source would publish."""
-        # In any namespace: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
-        commands = self._outlets_ending(_COMMANDS)
-        spaces = {name.removesuffix(end) for name in commands for end in _COMMANDS if name.endswith(end)}
-        obeying = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
-        return (*obeying, *self._outlets_ending(_MEASURED))
-
-    def _outlets_ending(self, ends: tuple[str, ...]) -> list[str]:
-        """The published names of the bag's topics that end so, in any namespace."""
-        return [outlet.topic_name for outlet in self._outlets.values() if outlet.topic_name.endswith(ends)]
 
     def _check_not_live_at_start(self) -> None:
         """Repeat ``_check_not_live`` until the discovery of publishers has had its time."""
@@ -269,6 +259,17 @@ def _keys(nodes: list[Replay]) -> Iterator[None]:
     finally:
         done.set()
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _live_topics(names: Collection[str]) -> tuple[str, ...]:
+    """Topics that another commander, a robot or bed that would obey the bag, or a second source would publish.
+
+    ``names``: under which the bag's topics are published, in any namespace.
+    """
+    # /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
+    spaces = {name.removesuffix(end) for name in names for end in _COMMANDS if name.endswith(end)}
+    obeying = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
+    return (*obeying, *(name for name in names if name.endswith(_MEASURED)))
 
 
 def _class(info: TopicInfo) -> Any:
