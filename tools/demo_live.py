@@ -176,11 +176,8 @@ def replayed(programs: "Programs", bag: Path, again: Path, space: str, delay_s: 
 def standing_s(bag: Path) -> float:
     """Start of the replay, shortly before the legs start [s after the first message], to skip the bed's preparation."""
     opened = Bag.open(bag)
-    first_ns = min(
-        int(opened.columns(topic.name).log_time_ns[0]) for topic in TO_TRACKER if topic.name in opened.topics
-    )
     led_ns = int(opened.columns(topics.SYNC_LED.name).log_time_ns[0])
-    return max((led_ns - first_ns) * 1e-9 - 0.5, 0.0)
+    return max((led_ns - opened.start_ns) * 1e-9 - 0.5, 0.0)
 
 
 class Programs:

@@ -49,6 +49,25 @@ def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
     assert any(insisted() for _ in range(5))
 
 
+def test_a_second_source_of_what_is_measured_is_refused_and_never_there(tmp_path, beside):
+    bag, seen = tmp_path / "b", set()
+    with BagWriter(bag) as writer:
+        writer.write(topics.COM, to_cdr(messages.point(1, (0.1, 0.0, 0.0))), 1_000_000_000)
+    node.publisher(beside.node, topics.COM)  # a tracker that is there
+
+    with ending(subprocess.Popen(command(bag, delay_s=30), stderr=subprocess.PIPE, text=True)) as refused:
+
+        def ended():
+            publishers = beside.node.get_publishers_info_by_topic(topics.COM.relative)
+            seen.update(node.names_of(publishers))
+            return refused.poll() is not None
+
+        beside.until(ended)
+        assert "the trackway is live (/landmarks/com is published)" in refused.communicate()[1]
+    assert "replay" not in seen  # a campaign would have ended its trial
+    assert "replayed 1 message" in replay(bag, "--remap", f"{topics.COM.name}:=/yesterday/com").stdout
+
+
 def test_a_replay_ends_where_a_trackway_is_switched_on(tmp_path, beside):
     bag, blown = tmp_path / "b", []
     with BagWriter(bag) as writer:

@@ -1,5 +1,7 @@
 """What a campaign makes of what it hears, and what the gate does about it: without a graph."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,19 +9,33 @@ from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.gate_node import Gate
 from sandbot_bringup.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
-from sandbot_common.node import PROCESS
+from sandbot_common.node import NAMELESS, PROCESS
 
 
 class Node:
-    """Hears nothing by itself."""
+    """Hears nothing by itself; ``publishers``: the names of the nodes that publish a topic, if it is not one."""
+
+    def __init__(self):
+        self.publishers = {}
 
     def create_subscription(self, *_, **__):
         pass
 
+    def count_publishers(self, name):
+        return len(self.publishers.get(name, ["one"]))
+
+    def get_publishers_info_by_topic(self, name):
+        return [SimpleNamespace(node_name=node) for node in self.publishers.get(name, ["one"])]
+
 
 @pytest.fixture
-def hearing():
-    return Hearing(Node(), 1.0, 0.02)
+def node():
+    return Node()
+
+
+@pytest.fixture
+def hearing(node):
+    return Hearing(node, 1.0, 0.02)
 
 
 def tell_legs(hearing, rate):
@@ -27,13 +43,37 @@ def tell_legs(hearing, rate):
     hearing._on_legs(messages.joint_state(1, topics.LEGS, six, six + rate, six))
 
 
-def test_no_trial_begins_while_legs_say_that_they_move(hearing):
-    gate = Gate(Node(), hearing, None, lambda condition, _: condition())
+def test_no_trial_begins_while_legs_say_that_they_move(hearing, node):
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
     gate._pace = gate._has_one_publisher = lambda *_: pytest.fail("it went on")
     hearing.missing = list
     tell_legs(hearing, 8.0)
     with pytest.raises(CampaignEnds, match=r"legs do not come to rest \(/leg_states\)"):
         gate.before_trial(None, None)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["bed", "replay"], "bed and replay both publish /bed/volume_fraction"),
+        (["bed", "bed"], ""),  # one of them was killed, or is about to be refused
+        (["bed", NAMELESS], ""),  # one has just started, or is being forgotten
+        ([], ""),
+    ],
+)
+def test_two_nodes_that_publish_what_a_row_is_made_of_end_trial_and_campaign(hearing, node, tmp_path, names, said):
+    node.publishers[topics.BED_PHI.relative] = names
+    node.publishers[topics.SPEED.relative] = ["tracker", "rosbag2_player"]  # no row is made of it
+    assert hearing.fault() == said
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = lambda _: None
+    hearing.missing = list
+    folder = SimpleNamespace(path=tmp_path)
+    if not said:
+        gate.before_trial(None, folder)
+        return
+    with pytest.raises(CampaignEnds, match=said):
+        gate.before_trial(None, folder)
 
 
 def test_who_rests_or_died_in_the_middle_of_a_walk_does_not_say_that_he_moves(hearing):

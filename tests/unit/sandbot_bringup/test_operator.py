@@ -94,7 +94,7 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     one._orders.call = lambda name, word=None: begun.update({name: word})
     one._wait = lambda *_: False
     one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses, bed_preparation="3", bed_stage="ready", bed_text="", phi=None, motion_start_ns=None
+        statuses=Hearing.statuses, bed_preparation="3", bed_stage="ready", bed_text="", motion_start_ns=None
     )
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
@@ -103,6 +103,23 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     assert not any(begun[name]() for name in asked)
     one._hearing.bed_preparation, one._hearing.motion_start_ns = "4", 1
     assert all(begun[name]() for name in asked)
+
+
+@pytest.mark.parametrize(
+    ("number", "stage", "prepared"),
+    [("4", "ready", True), ("3", "ready", False), ("4", "settle", False), ("4", "failed", False)],
+)
+def test_only_a_bed_that_is_ready_with_the_preparation_that_was_asked_for_is_prepared(number, stage, prepared):
+    one = operator()
+    one.desk = SimpleNamespace(enter=lambda _: None)
+    one._hearing = SimpleNamespace(bed_preparation="3", bed_stage="ready", bed_text="")
+    one._orders.call = lambda *_: vars(one._hearing).update(bed_preparation=number, bed_stage=stage)
+    one._wait = lambda condition, _: condition()
+    if prepared:
+        one._prepare_bed()
+        return
+    with pytest.raises(TrialFailed, match="the bed was not prepared"):
+        one._prepare_bed()
 
 
 def test_who_was_held_up_until_just_now_is_asked_again():

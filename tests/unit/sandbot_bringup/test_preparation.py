@@ -8,7 +8,7 @@ BEFORE = ("3", "failed")
 """What a bed says of the preparation before, and goes on to say until it is asked for another."""
 
 
-@pytest.mark.parametrize("stage", ["failed", "idle"])
+@pytest.mark.parametrize("stage", ["ready", "failed", "idle"])
 @pytest.mark.parametrize(
     "heard",
     [
@@ -38,6 +38,6 @@ def test_a_bed_that_tells_no_number_is_seen_busy():
     assert asked.over("", "failed")
 
 
-def test_a_bed_that_is_ready_has_not_ended_without_one():
+def test_a_bed_that_was_ready_before_or_rests_between_pulses_has_not_ended_its_preparation():
     asked = Preparation("3")
-    assert not any(asked.over("4", stage) for stage in ("fluidise", "pulse", "ready"))
+    assert not any(asked.over(*one) for one in (("3", "ready"), ("4", "fluidise"), ("4", "pulse"), ("4", "settle")))

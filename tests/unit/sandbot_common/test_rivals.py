@@ -34,6 +34,16 @@ def test_rivals_are_those_of_another_name(names, fault):
     assert command_node.Rivals(Graph(*names), topics.LEG_SETPOINTS).fault() == fault
 
 
+def test_of_several_topics_the_one_with_two_publishers_is_named():
+    graph = Graph("bed")
+    names = {topics.BED_PHI.relative: ["bed", "replay"]}
+    graph.count_publishers = lambda name: len(names.get(name, graph.names))
+    graph.get_publishers_info_by_topic = lambda name: [SimpleNamespace(node_name=one) for one in names[name]]
+    assert command_node.Rivals(graph, topics.BED_STATUS, topics.BED_HEIGHT).fault() == ""
+    rivals = command_node.Rivals(graph, *topics.MEASURED)
+    assert rivals.fault() == "bed and replay both publish /bed/volume_fraction"
+
+
 def test_the_graph_is_not_looked_at_for_every_set_point(monkeypatch):
     now_s = [1.0]
     monkeypatch.setattr(command_node.time, "monotonic", lambda: now_s[0])

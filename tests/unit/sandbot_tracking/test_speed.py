@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
+from sandbot_tracking import speed
+from sandbot_tracking.calibration import read_cameras
+from sandbot_tracking.live import warm_up
 from sandbot_tracking.smooth import smooth
 from sandbot_tracking.speed import HarmonicSpeed
 
@@ -91,3 +95,13 @@ def test_bad_input_is_refused():
     filter_.update(1.0, 0.0, 1e-9)
     with pytest.raises(InputError, match="after"):
         filter_.update(1.0, 0.0, 1e-9)
+
+
+def test_the_filter_is_compiled_before_the_first_frame(monkeypatch):
+    from_frames = []
+    monkeypatch.setattr(speed, "_imm", lambda *given: from_frames.append(tuple(map(type, given))) or (0.0, 0.0))
+    online(X, 6e-5)
+    kinds = set(from_frames)
+    from_frames.clear()
+    warm_up(read_cameras(config_file("cameras.yaml")))
+    assert set(from_frames) == kinds

@@ -17,7 +17,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from sandbot_bed.protocol import ProtocolParameters
+from sandbot_bed.protocol import ProtocolParameters, Stage
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
@@ -244,10 +244,10 @@ class Operator(Node):
         bed = self._hearing
         asked = Preparation(bed.bed_preparation)
         self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
-        done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage) or bed.phi is not None, BED_S)
-        if bed.bed_stage == "idle":
+        done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage), BED_S)
+        if bed.bed_stage == Stage.IDLE:
             self._stopped_by_hand(bed.bed_text)
-        if not done or bed.phi is None:
+        if not done or bed.bed_stage != Stage.READY:
             raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
 
     def _walk(self, trial: PlannedTrial) -> None:

@@ -1,4 +1,4 @@
-"""Preconditions of a campaign and of each of its trials: nodes, rates, a single commander, disk space."""
+"""Preconditions of a campaign and of each of its trials: nodes, rates, one publisher of each topic, disk space."""
 
 import math
 import shutil
@@ -22,7 +22,7 @@ DISCOVERY_S = 20.0
 FREE_BYTES = 300 << 20
 """Free space needed before a trial; the recorder itself stops at 200 MiB."""
 FORGOTTEN_S = 30.0
-"""A killed process stays in DDS's graph for 20 s; one of another name counts as a commander until then."""
+"""A killed process stays in DDS's graph for 20 s; one of another name counts as a publisher until then."""
 PACE_S = 0.5
 """How long rates are measured before a trial."""
 
@@ -71,10 +71,13 @@ class Gate:
             where = topics.LEG_STATES.name
             raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
         self._pace(bed)
-        for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
+        for topic in topics.COMMANDS:
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
+        rivals = self._hearing.rivals
+        if not self._wait(lambda: not rivals.fault(), FORGOTTEN_S):
+            raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
         with writing(folder.path):
             free = shutil.disk_usage(folder.path).free
         if free < FREE_BYTES:

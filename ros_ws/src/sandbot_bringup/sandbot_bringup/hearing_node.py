@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
 from sandbot_common import messages, topics
+from sandbot_common.command_node import Rivals
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, subscription
 
@@ -41,7 +42,6 @@ class Hearing:
     def __init__(self, node: Node, silence_s: float, turn_s: float) -> None:
         """``turn_s``: the longest that a turn waits; time beyond twice that is our own delay."""
         self.statuses: dict[str, NodeStatus] = {}
-        self.phi: float | None = None
         self.bed_stage = self.bed_text = self.bed_preparation = ""
         self.bed_height_m = math.nan
         self.heights = 0
@@ -52,11 +52,12 @@ class Hearing:
         self._silence_s = silence_s
         self._supervisor, self._listening = Supervisor(), Listening(2 * turn_s)
         self._neighbours = Neighbours()
+        self.rivals = Rivals(node, *topics.MEASURED)
+        """Two nodes that publish what a row is computed from: the row could be that of another trial."""
         self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
         self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
         self._recorder_pid = 0
-        subscription(node, topics.BED_PHI, self._on_phi)
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(node, topics.LEG_STATES, self._on_legs)
         # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
@@ -81,7 +82,7 @@ class Hearing:
 
     def forget_trial(self) -> None:
         """Discard the state of the last trial."""
-        self.phi, self.bed_stage, self.motion_start_ns = None, "", None
+        self.bed_stage, self.motion_start_ns = "", None
 
     def require(self, names: Sequence[str]) -> None:
         """From now on these nodes, and the bed's status, are vital."""
@@ -153,6 +154,8 @@ class Hearing:
                 return f"the {sign.who} {fault}"
         if unplugged := self._unplugged():
             return f"the {unplugged[0]}"
+        if rivals := self.rivals.fault():
+            return rivals
         # A stopped clock is rightly silent, and has said why; the robot's reports may lag behind it.
         silent = self._supervisor.silent(self.now_s)
         return silent and (self.clock_fault or self._listening.held_up or f"the {silent}")
@@ -177,10 +180,6 @@ class Hearing:
     def _is_our_recorder(self, process: str) -> bool:
         """Whether it is our recorder and not another one. Without /proc processes are unknown: any counts as ours."""
         return not process or process.split()[1:2] == [str(self._recorder_pid)]
-
-    def _on_phi(self, message: Any) -> None:
-        # The last trial's latched value arrives only upon subscription; forget_trial clears it.
-        self.phi = float(message.data)
 
     def _on_bed(self, message: Any) -> None:
         self._heard("bed", topics.BED_STATUS)

@@ -1,4 +1,4 @@
-"""Whether a requested preparation of the bed has ended; a reported failure or idleness may be from an earlier one."""
+"""Whether a requested preparation of the bed has ended; what the bed reports may be the end of an earlier one."""
 
 from sandbot_bed.protocol import Stage
 
@@ -23,5 +23,5 @@ class Preparation:
         return self._begun
 
     def over(self, number: str, stage: str) -> bool:
-        """Whether it has ended without success."""
-        return self.begun(number, stage) and stage in (Stage.FAILED, Stage.IDLE)
+        """Whether it has ended, with success if the stage is ``ready``."""
+        return self.begun(number, stage) and stage in (Stage.READY, Stage.FAILED, Stage.IDLE)

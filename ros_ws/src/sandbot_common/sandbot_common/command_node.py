@@ -50,25 +50,25 @@ class Partners:
 
 
 class Rivals:
-    """Detects several commanders of the same legs. Messages do not name their sender, so the publishers are counted."""
+    """Detects several nodes that publish one topic. Messages do not name their sender, so publishers are counted."""
 
-    def __init__(self, node: Node, topic: topics.Topic) -> None:
-        self._node, self._topic = node, topic
+    def __init__(self, node: Node, *sole: topics.Topic) -> None:
+        self._node, self._sole = node, sole
         self._looked_s, self._fault = -math.inf, ""
 
     def fault(self) -> str:
-        """E.g. "a and b both publish /leg_setpoints"; an empty string while there is at most one publisher."""
+        """E.g. "a and b both publish /leg_setpoints"; an empty string while each topic has at most one publisher."""
         now_s = time.monotonic()
         if now_s - self._looked_s >= LOOK_S:
-            self._looked_s, self._fault = now_s, self._look()
+            self._looked_s, self._fault = now_s, next(filter(None, map(self._look, self._sole)), "")
         return self._fault
 
-    def _look(self) -> str:
-        name = self._topic.relative
+    def _look(self, topic: topics.Topic) -> str:
+        name = topic.relative
         if self._node.count_publishers(name) < 2:  # ten times cheaper than getting their names
             return ""
         names = [node for node in names_of(self._node.get_publishers_info_by_topic(name)) if node != NAMELESS]
-        return f"{' and '.join(names)} both publish {self._topic.name}" if len(names) > 1 else ""
+        return f"{' and '.join(names)} both publish {topic.name}" if len(names) > 1 else ""
 
 
 class Command:

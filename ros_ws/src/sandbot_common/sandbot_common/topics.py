@@ -98,6 +98,14 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 ALL = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
 """All topics of a trial, in the order above."""
 
+COMMANDS = (LEG_SETPOINTS, BED_BLOWER, OPERATOR_LEASE)
+"""What legs and air obey."""
+MEASURED = (
+    TRIAL, LEG_SETPOINTS, LEG_STATES, SYNC_LED, BED_HEIGHT, BED_BLOWER, BED_PHI, BED_STATUS, *LANDMARKS.values()
+)  # fmt: skip
+"""What a row of the trials table is computed from or judged by. Only one node may publish each of them: a message
+does not name its sender."""
+
 HEARTBEAT = Topic("/heartbeat", "std_msgs/msg/Header")
 """20 times a second from every process, however busy its node; frame_id: the node, stamp: when its loop last turned.
 Not recorded."""

@@ -22,6 +22,7 @@ from sandbot_tracking.markers import Frame
 from sandbot_tracking.offline import Axles, OfflineTracker, Sample
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
+from sandbot_tracking.speed import HarmonicSpeed
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ LEGS_KEPT_NS = NANO
 def warm_up(cameras: Mapping[str, Camera]) -> None:
     """Compile the tracking functions (a second or more, once per machine), so that no frame waits for it."""
     rng = np.random.default_rng(0)
-    tracker = LiveTracker(cameras)
+    tracker, speed = LiveTracker(cameras), HarmonicSpeed()
     for n in range(5):
         t_ns = 10_000_000 * n
         tracker.legs(t_ns, np.full(6, 0.2 * n), t_ns)
@@ -48,6 +49,8 @@ def warm_up(cameras: Mapping[str, Camera]) -> None:
             for x in np.array((0.4, 0.6)) * camera.shape[1]:
                 cv2.circle(frame, (round(x) + n, camera.shape[0] // 2), 7, 240, -1)
             tracker.frame(name, t_ns, frame, t_ns)
+        # These discs are no robot, so the filter gets nothing from them.
+        speed.update(t_ns / NANO, 0.0, 1e-6, 12.0)
 
 
 class View:

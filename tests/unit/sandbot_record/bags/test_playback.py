@@ -95,6 +95,35 @@ def test_loop(timeline):
     assert not player.finished
 
 
+def test_a_loop_of_one_topic_takes_as_long_as_its_bag(tmp_path):
+    bag = Bag.open(bags.trial_bag(tmp_path / "b"))  # 4.295 s
+    led = Timeline(bag, ["/sync_led"])
+    found = played(Player(led, loop=True), range(0, 10_000 * MS, MS))
+    assert [now // MS for now, _ in found] == [300, 300 + 4295, 300 + 2 * 4295]
+    # Its time in the bag remains also where only a part is played.
+    found = played(Player(led, loop=True, start_s=0.2, until_s=1.2), range(0, 3000 * MS, MS))
+    assert [now // MS for now, _ in found] == [100, 1100, 2100]
+    player = Player(led, loop=True)
+    player.step(0)
+    assert (player.due_ns(), player.step(300 * MS) is None, player.due_ns()) == (300 * MS, False, 4295 * MS)
+    assert played(Player(led), range(0, 10_000 * MS, MS)) == [(300 * MS, 300)]
+
+
+def test_a_part_without_messages_is_refused_unless_something_was_latched(tmp_path):
+    bag = Bag.open(bags.trial_bag(tmp_path / "b"))
+    with pytest.raises(InputError, match="no messages on these topics in this part of the bag"):
+        Player(Timeline(bag, ["/sync_led"]), start_s=0.5)
+    assert Player(Timeline(bag, ["/trial"]), start_s=0.5).latched_before_start()
+
+
+def test_what_has_no_duration_is_not_looped(timeline, tmp_path):
+    one = Timeline(Bag.open(bags.legs_bag(tmp_path / "one", count=1)))
+    assert played(Player(one), [0, MS]) == [(0, 0)]
+    for played_, part in ((one, {}), (timeline, {"start_s": 0.1, "until_s": 0.1}), (timeline, {"start_s": 0.499})):
+        with pytest.raises(InputError, match="nothing to loop"):
+            Player(played_, loop=True, **part)
+
+
 def test_topics(tmp_path):
     bag = Bag.open(bags.trial_bag(tmp_path / "b"))
     assert {message.topic for message in Timeline(bag, ["/trial", "/sync_led"])} == {"/trial", "/sync_led"}

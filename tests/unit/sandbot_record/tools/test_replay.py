@@ -5,7 +5,7 @@ from sandbot_common import topics
 from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import BagWriter
-from sandbot_record.tools import replay
+from sandbot_record.tools import replay, replay_node
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,18 @@ def test_jpeg_frames_are_known_as_such(tmp_path):
     bag = Bag.open(tmp_path / "bag")
     assert Timeline(bag, decode_jpeg=True).decoded
     assert not Timeline(bag).decoded
+
+
+@pytest.mark.parametrize(
+    ("played", "watched"),
+    [
+        (["/lift", "/speed", "/diagnostics"], set()),
+        (["/landmarks/com", "/robot1/bed/status"], {"/landmarks/com", "/robot1/bed/status"}),
+        (
+            ["/a/operator/lease"],
+            {"/a/leg_setpoints", "/a/bed/blower", "/a/operator/lease", "/a/leg_states", "/a/bed/height"},
+        ),
+    ],
+)
+def test_what_nobody_else_may_publish_is_watched(played, watched):
+    assert set(replay_node._live_topics(played)) == watched

@@ -51,6 +51,7 @@ class Timeline:
             raise InputError(
                 f"{bag.path}: nothing to replay: no messages{'' if topics is None else ' on these topics'}"
             )
+        self.start_ns, self.end_ns = bag.start_ns, bag.end_ns
         order = np.argsort(times, kind="stable")
         self.times_ns: NDArray[np.int64] = times[order]
         self._block, self._row, self._topic = blocks[order], rows[order], names[order]
@@ -134,7 +135,7 @@ def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo
 
 @dataclass
 class Span:
-    """The part of the timeline to play: indices [first, end) and its limits [ns, log time]."""
+    """The part of the bag to play: indices [first, end) of the timeline and its limits [ns, log time]."""
 
     first: int
     end: int
@@ -145,7 +146,8 @@ class Span:
 class Player:
     """Decides which messages are due; ``now_ns`` is any monotonic clock of the caller's, in ns.
 
-    ``start_s`` and ``until_s`` count from the first message; ``rate`` 2 plays twice as fast.
+    ``start_s`` and ``until_s`` count from the bag's first message, played or not, and a loop takes as long as this part
+    of the bag; ``rate`` 2 plays twice as fast.
     """
 
     def __init__(
@@ -161,6 +163,8 @@ class Player:
             raise InputError(f"rate {rate} is not above 0")
         self.timeline, self.loop = timeline, loop
         self.span = self._span(start_s, until_s)
+        if self.span.first == self.span.end and not self.latched_before_start():
+            raise InputError("nothing to replay: no messages on these topics in this part of the bag")
         self.index = self.span.first
         self.rounds = 0
         self.paused = False
@@ -170,14 +174,16 @@ class Player:
         self._position_ns = self.span.start_ns
 
     def _span(self, start_s: float, until_s: float | None) -> Span:
-        times = self.timeline.times_ns
-        length_s = int(times[-1] - times[0]) / SECOND_NS
+        times, begun_ns = self.timeline.times_ns, self.timeline.start_ns
+        length_s = (self.timeline.end_ns - begun_ns) / SECOND_NS
         until_s = length_s if until_s is None else until_s
         if not 0 <= start_s <= length_s or not start_s <= until_s:
             raise InputError(f"start {start_s:g} s, until {until_s:g} s: not within the bag's {length_s:.3f} s")
-        start, end = (int(times[0]) + round(seconds * SECOND_NS) for seconds in (start_s, until_s))
+        if self.loop and not min(until_s, length_s) > start_s:
+            raise InputError("nothing to loop: this part of the bag has no duration")
+        start, end = (begun_ns + round(seconds * SECOND_NS) for seconds in (start_s, until_s))
         first, last = int(np.searchsorted(times, start)), int(np.searchsorted(times, end, side="right"))
-        return Span(first, last, start, min(end, int(times[-1])))
+        return Span(first, last, start, min(end, self.timeline.end_ns))
 
     @property
     def rate(self) -> float:
@@ -212,17 +218,18 @@ class Player:
         """Go to ``offset_s`` after the bag's first message, clipped to the span. Raises InputError from 1e9 s on."""
         if not abs(offset_s) < 1e9:
             raise InputError(f"position_s {offset_s} is not a number of seconds")
-        target = int(self.timeline.times_ns[0]) + round(offset_s * SECOND_NS)
+        target = self.timeline.start_ns + round(offset_s * SECOND_NS)
         self._hold(now_ns)
         self._position_ns = min(max(target, self.span.start_ns), self.span.end_ns)
         index = bisect_left(self.timeline.times_ns, self._position_ns)
         self.index = min(max(index, self.span.first), self.span.end)
 
     def due_ns(self) -> int | None:
-        """When, on the caller's clock, the next message is due; None if paused or finished."""
-        if self.paused or self._anchor is None or self.finished or self.index >= self.span.end:
+        """When, on the caller's clock, the next message or round is due; None if paused or finished."""
+        if self.paused or self._anchor is None or self.finished:
             return None
-        ahead = int(self.timeline.times_ns[self.index]) - self._anchor[1]
+        is_last = self.index >= self.span.end
+        ahead = (self.span.end_ns if is_last else int(self.timeline.times_ns[self.index])) - self._anchor[1]
         return self._anchor[0] + round(ahead / self._rate)
 
     def step(self, now_ns: int) -> Message | None:
@@ -238,7 +245,7 @@ class Player:
             self.rounds += 1
             self.index, self._anchor = self.span.first, (now_ns, self.span.start_ns)
         due = self.due_ns()
-        if due is None or due > now_ns:
+        if due is None or due > now_ns or self.index >= self.span.end:
             return None
         self.index += 1
         return self.timeline[self.index - 1]

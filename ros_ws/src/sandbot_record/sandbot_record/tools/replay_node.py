@@ -13,7 +13,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,8 +41,8 @@ _SPIN_NS = 200_000
 """The last part of a wait is a busy loop, as a sleep ends late by about this much."""
 _MIN_DEPTH = 50
 _DISCOVERY_S, _CHECK_PERIOD_S = 0.5, 0.05
-_COMMANDS = (topics.LEG_SETPOINTS.name, topics.BED_BLOWER.name, topics.OPERATOR_LEASE.name)
-"""Topics that control legs and air."""
+_COMMANDS = tuple(topic.name for topic in topics.COMMANDS)
+_MEASURED = tuple(topic.name for topic in topics.MEASURED)
 _REPORTS = (topics.LEG_STATES.name, topics.BED_HEIGHT.name)
 """Topics that a live robot and bed publish."""
 _KEY = re.compile("\x1b\\[[A-D]|.")
@@ -53,7 +53,7 @@ _KEY = re.compile("\x1b\\[[A-D]|.")
 class Options:
     """How to publish: new names for topics, /clock or not, and how long to wait for the discovery of subscribers.
 
-    ``commands``: whether to publish commands for legs and air even if a live robot or bed would obey them.
+    ``commands``: whether to publish also what a live robot or bed would obey, and what a trial would be measured by.
     """
 
     remap: Mapping[str, str]
@@ -71,12 +71,14 @@ class Replay(Node):
         self._player, self._options = player, options
         self._lock = threading.Lock()
         self._changed, self._stop = threading.Event(), threading.Event()
-        self._outlets = {
-            name: self.create_publisher(_class(info), options.remap.get(name, topics.relative(name)), _qos(info))
-            for name, info in player.timeline.topics.items()
-        }
-        self._watched = () if options.commands else self._live_topics()
+        played = player.timeline.topics
+        names = {name: self.resolve_topic_name(options.remap.get(name, topics.relative(name))) for name in played}
+        self._watched = () if options.commands else _live_topics(names.values())
+        # Before there is a publisher: a campaign would end its trial because of it.
         self._check_not_live_at_start()
+        self._outlets = {
+            name: self.create_publisher(_class(info), names[name], _qos(info)) for name, info in played.items()
+        }
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
@@ -85,24 +87,12 @@ class Replay(Node):
         self.create_service(Trigger, "replay/restart", self._on_restart)
         self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds per second, above 0"))
         self.declare_parameter(
-            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
+            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the bag's first message]")
         )
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
         Timer(self, _CHECK_PERIOD_S, self._check)
-
-    def _live_topics(self) -> tuple[str, ...]:
-        """Topics that another commander, or a robot or bed that would obey the bag's commands, would publish."""
-        # In any namespace: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
-        spaces = {name.removesuffix(end) for name in self._commands for end in _COMMANDS if name.endswith(end)}
-        return tuple(space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS))
-
-    @property
-    def _commands(self) -> list[str]:
-        """The bag's topics that control legs or air, under their published names."""
-        names = [outlet.topic_name for outlet in self._outlets.values()]
-        return [name for name in names if name.endswith(_COMMANDS)]
 
     def _check_not_live_at_start(self) -> None:
         """Repeat ``_check_not_live`` until the discovery of publishers has had its time."""
@@ -112,12 +102,12 @@ class Replay(Node):
             self._stop.wait(_CHECK_PERIOD_S)
 
     def _check_not_live(self) -> None:
-        """Raise InputError if commands would reach a running robot or bed, or compete with another commander."""
+        """Raise InputError if commands would reach a running robot or bed, or messages mix with those of others."""
         for name in self._watched:
             if any(other != self.get_name() for other in names_of(self.get_publishers_info_by_topic(name))):
                 raise InputError(
-                    f"the trackway is live ({name} is published), and legs or air would obey the bag's "
-                    f"{' and '.join(self._commands)}; leave them out with --topics, or insist with --with-commands"
+                    f"the trackway is live ({name} is published) and would take the bag's messages for its own; "
+                    "rename them (--remap, or all with --ros-args -r __ns:=/replay), or insist with --with-commands"
                 )
 
     def close(self) -> None:
@@ -142,7 +132,7 @@ class Replay(Node):
         now = time.monotonic_ns()
         with self._lock:
             player = self._player
-            offset_s = (player.position_ns(now) - int(player.timeline.times_ns[0])) / SECOND_NS
+            offset_s = (player.position_ns(now) - player.timeline.start_ns) / SECOND_NS
             if key == " ":
                 player.pause(not player.paused, now)
             elif key in ("\x1b[C", "\x1b[D"):
@@ -269,6 +259,17 @@ def _keys(nodes: list[Replay]) -> Iterator[None]:
     finally:
         done.set()
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _live_topics(names: Collection[str]) -> tuple[str, ...]:
+    """Topics that another commander, a robot or bed that would obey the bag, or a second source would publish.
+
+    ``names``: under which the bag's topics are published, in any namespace.
+    """
+    # /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
+    spaces = {name.removesuffix(end) for name in names for end in _COMMANDS if name.endswith(end)}
+    obeying = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
+    return (*obeying, *(name for name in names if name.endswith(_MEASURED)))
 
 
 def _class(info: TopicInfo) -> Any:

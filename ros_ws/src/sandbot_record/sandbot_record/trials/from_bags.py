@@ -18,7 +18,7 @@ from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
-from sandbot_record.trials import judge
+from sandbot_record.trials import judge, publishers
 from sandbot_record.trials.cache import CACHE as CACHE
 from sandbot_record.trials.cache import Cache, Measured, content_hash, files_of
 from sandbot_record.trials.csv_table import foreign, read_csv, write_csv
@@ -73,11 +73,11 @@ def _read(path: Path) -> Measured:
     bag = Bag.open(path)
     if not bag.count:
         raise InputError(f"{path}: empty bag, no messages")
-    plan = plan_of(bag)
+    plan, bed = plan_of(bag), _bed(bag)
     row = Row(
         trial_id=str(plan.get("trial_id") or path.stem),
         phi=_last(bag, topics.BED_PHI.name),
-        phi_sd=_phi_sd(bag),
+        phi_sd=_phi_sd(bed),
         omega_rad_s=_float(plan.get("omega_rad_s")),
         gait=_gait(plan.get("gait")),
         replicate=_float(plan.get("replicate")),
@@ -99,9 +99,10 @@ def _read(path: Path) -> Measured:
         peak_speed_m_s=summary.peak_speed_m_s,
         first_step_m=summary.first_step_m,
     )
-    row = replace(
-        row, status=_status(row, exit_status, judge.fault(bag, start_ns(bag), row.omega_rad_s), summary.reason)
-    )
+    begun_ns = start_ns(bag)
+    ready = [(t_ns, _float(values.get("phi"))) for t_ns, values in bed if values.get("stage") == "ready"]
+    fault = publishers.fault(bag, begun_ns, ready) or judge.fault(bag, begun_ns, row.omega_rad_s)
+    row = replace(row, status=_status(row, exit_status, fault, summary.reason))
     return row, replace(setting, frame_rate_hz=frame_rate_hz)
 
 
@@ -326,15 +327,20 @@ def _last(bag: Bag, topic: str) -> float:
     return float(bag.columns(topic, "data")["data"][-1])
 
 
-def _phi_sd(bag: Bag) -> float:
+def _bed(bag: Bag) -> list[tuple[int, dict[str, str]]]:
+    """Log time [ns] and values of each /bed/status."""
+    return [
+        (message.log_time_ns, {pair.key: pair.value for pair in status.values})
+        for message in bag.messages([topics.BED_STATUS.name])
+        for status in message.decode().status
+    ]
+
+
+def _phi_sd(bed: Sequence[tuple[int, dict[str, str]]]) -> float:
     """σ_φ of the last /bed/status that gives one."""
-    value = math.nan
-    for message in bag.messages([topics.BED_STATUS.name]):
-        for status in message.decode().status:
-            for pair in status.values:
-                if pair.key in ("phi_sd", "sigma_phi", "volume_fraction_sd"):
-                    value = _float(pair.value)
-    return value
+    names = ("phi_sd", "sigma_phi", "volume_fraction_sd")
+    given = [value for _, values in bed for name, value in values.items() if name in names]
+    return _float(given[-1]) if given else math.nan
 
 
 def _gait(value: object) -> str:
