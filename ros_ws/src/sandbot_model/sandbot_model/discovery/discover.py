@@ -222,6 +222,7 @@ def _discovered(
     floor = noise_floor(cells)
     hidden, trials = _hidden_and_next_trials(search, verdict, named)
     verdict = _with_remarks(search, verdict, named, hidden, trials)
+    not_shown = tuple(fit.effects[0] for fit in hidden)
     return Discovery(
         model=base,
         cells=cells,
@@ -231,13 +232,13 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        unseen=tuple(fit.effects[0] for fit in hidden),
+        unseen=not_shown,
         stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
-        limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
+        limits=tuple(limits(search, named, not_shown)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
