@@ -21,7 +21,7 @@ CONTENDERS = 6
 READINGS = 2
 """Most penetrometer readings among the proposed measurements."""
 LEAST_SD = 0.3
-"""Expected gap below which a measurement is not proposed: it would take hundreds of replicates."""
+"""Expected gap below which two sets predict the same."""
 FINER = 3
 """Frequencies tried between neighbouring measured ones."""
 PENETRATION = "penetration_force"
@@ -80,9 +80,28 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
 
     They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
     ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them. All that separate
-    a pair share the replicates that this takes.
+    a pair share the replicates that this takes. One that alone would need more replicates than there are trials is not
+    within reach.
     """
-    pairs = [between(first, second) for first, second in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
+    pairs = combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)
+    return _chosen([_within_reach(between(*pair), contenders[0]) for pair in pairs])
+
+
+def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
+    """The most informative measurements in which effects would show that are ``unseen`` but not excluded, and the
+    effects that none within reach would show."""
+    predicted = Predicted.by(base)
+    pairs = [_within_reach(between(predicted, Predicted.by(other)), base) for other in unseen]
+    return _chosen(pairs), [other.effects[0] for other, trials in zip(unseen, pairs, strict=True) if not trials]
+
+
+def _within_reach(trials: Sequence[NextTrial], fit: Fit) -> list[NextTrial]:
+    """Measurements that separate a pair with no more replicates than there are trials already."""
+    return [trial for trial in trials if trial.replicates <= fit.cells.trials]
+
+
+def _chosen(pairs: Sequence[Sequence[NextTrial]]) -> list[NextTrial]:
+    """The most informative of the measurements that separate each pair; see ``next_trials``."""
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
@@ -137,18 +156,6 @@ def _most_informative(
 def _weight(trial: NextTrial | None) -> float:
     """Expected χ² of ``LEAST_REPLICATES`` replicates."""
     return 0.0 if trial is None else LEAST_REPLICATES * trial.expected_gap_sd**2
-
-
-def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
-    """Measurements in which effects that are ``unseen`` but not excluded would show: the best for each, then more."""
-    predicted = Predicted.by(base)
-    each = [between(predicted, Predicted.by(other)) for other in unseen]
-    best: list[NextTrial] = []
-    for trials in sorted(each, key=lambda trials: -trials[0].expected_gap_sd if trials else 0.0):
-        # Two effects may show best in the same condition: each still gets one of its own.
-        best += _distinct([trial for trial in trials if trial.condition not in {other.condition for other in best}])[:1]
-    more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
-    return [*best, *(trial for trial in more if trial not in best)][:MAX_TRIALS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,14 +214,6 @@ def between(first: Predicted, second: Predicted) -> list[NextTrial]:
     """Measurements in which two fits differ, the widest gap first, including conditions not measured yet."""
     found = [*_trials_between(first, second), *_readings_between(first, second)]
     return sorted(found, key=lambda trial: -trial.expected_gap_sd)
-
-
-def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
-    chosen: list[NextTrial] = []
-    for trial in sorted(trials, key=lambda trial: -trial.expected_gap_sd):
-        if all(trial.condition != other.condition for other in chosen):
-            chosen.append(trial)
-    return chosen
 
 
 def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
