@@ -84,28 +84,26 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     within reach.
     """
     pairs = combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)
-    return _chosen([_within_reach(between(*pair), contenders[0]) for pair in pairs])
+    return _chosen([between(*pair) for pair in pairs], contenders[0].cells.trials) if len(contenders) > 1 else []
 
 
 def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
     """The most informative measurements in which effects would show that are ``unseen`` but not excluded, and the
     effects that none within reach would show."""
-    predicted = Predicted.by(base)
-    pairs = [_within_reach(between(predicted, Predicted.by(other)), base) for other in unseen]
-    return _chosen(pairs), [other.effects[0] for other, trials in zip(unseen, pairs, strict=True) if not trials]
+    predicted, within_reach = Predicted.by(base), base.cells.trials
+    pairs = [between(predicted, Predicted.by(other)) for other in unseen]
+    least = [min((trial.replicates for trial in trials), default=math.inf) for trials in pairs]
+    hopeless = [other.effects[0] for other, count in zip(unseen, least, strict=True) if count > within_reach]
+    return _chosen(pairs, within_reach), hopeless
 
 
-def _within_reach(trials: Sequence[NextTrial], fit: Fit) -> list[NextTrial]:
-    """Measurements that separate a pair with no more replicates than there are trials already."""
-    return [trial for trial in trials if trial.replicates <= fit.cells.trials]
-
-
-def _chosen(pairs: Sequence[Sequence[NextTrial]]) -> list[NextTrial]:
-    """The most informative of the measurements that separate each pair; see ``next_trials``."""
+def _chosen(pairs: Sequence[Sequence[NextTrial]], within_reach: int) -> list[NextTrial]:
+    """The most informative of the measurements that separate each pair, see ``next_trials``; none that alone would need
+    more replicates than are ``within_reach``."""
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
-    while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen)) is not None:
+    while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen, within_reach)):
         chosen.append(best)
         separated += [_weight(gap.get(best.condition)) for gap in gaps]
     return sorted(_with_shared_replicates(chosen, gaps), key=lambda trial: -trial.expected_gap_sd)
@@ -132,7 +130,7 @@ def _with_shared_replicates(
 
 
 def _most_informative(
-    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial]
+    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial], within_reach: int
 ) -> NextTrial | None:
     """The measurement that adds most to ``separated (pairs,)``, or None. It is reported for the pair that gains most;
     if all its pairs are separated already, it is proposed only where ``LEAST_REPLICATES`` are enough."""
@@ -148,7 +146,8 @@ def _most_informative(
         # Once all pairs are separated, a wider gap still counts a little: it makes the separation more certain.
         score = gain + 1e-3 * np.minimum(after - separated, SETTLED_SD**2)
         shown = gaps[int(np.argmax(score))].get(key, trial)
-        if score.sum() > most and (gain.any() or shown.replicates == LEAST_REPLICATES):
+        enough = within_reach if gain.any() else LEAST_REPLICATES
+        if score.sum() > most and shown.replicates <= enough:
             best, most = shown, float(score.sum())
     return best
 
