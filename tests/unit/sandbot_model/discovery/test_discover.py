@@ -35,6 +35,13 @@ def test_nothing_missing_is_adequate(drawn):
     assert found.next_trials == ()
 
 
+def test_what_would_not_show_is_listed_so_and_has_no_limit(drawn):
+    effects = {name: catalogue()[name] for name in ("stance_overlap", "depth_nonlinearity")}
+    found = discover(cells_of(drawn(seed=5)), effects, max_effects=1)
+    assert found.unseen == ("depth_nonlinearity",)
+    assert [limit.effect for limit in found.limits] == ["stance_overlap"]
+
+
 def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_range(monkeypatch, drawn):
     """By a derivative Δt of 1.33 ± 0.1 s may be 1.2 s; by what the fit does beside switches it is known to 0.015 s."""
     narrow = copy.copy(FEW["stance_overlap"])

@@ -1,6 +1,7 @@
 """What to measure next: what tells the surviving sets apart, and nothing where nothing does."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,15 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import next_trials as module
 from sandbot_model.discovery.compare import compare
-from sandbot_model.discovery.next_trials import PENETRATION, NextTrial, Predicted, between, depths_m, next_trials
+from sandbot_model.discovery.next_trials import (
+    PENETRATION,
+    NextTrial,
+    Predicted,
+    between,
+    depths_m,
+    next_trials,
+    trials_to_exclude,
+)
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.walking import Walker
 
@@ -53,35 +62,72 @@ def test_a_set_is_not_told_from_itself(drawn):
     assert next_trials([fit]) == []
 
 
+def rivals(monkeypatch, between, trials=100):
+    """Fits by name of so many trials, that differ by ``between(first name, second name)``."""
+    monkeypatch.setattr(module, "between", between)
+    monkeypatch.setattr(module.Predicted, "by", lambda fit: fit.effects[0])
+    return lambda names: [SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=trials)) for name in names]
+
+
+def measured(pair, gap, omega=9.0):
+    return NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap**2))
+
+
+def reading(pair, gap, depth_m):
+    return NextTrial(0.6, np.nan, PENETRATION, pair, gap, module._replicates(gap**2), depth_m)
+
+
 def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch):
     """Of three sets one differs from the others, by much in one place and by little elsewhere; two hardly do."""
     gaps = {("a", "b"): (50.0, 0.8), ("a", "c"): (50.0, 0.5), ("b", "c"): (0.4, 0.6)}
 
     def between(first, second):
         pair = first, second
-        return [
-            NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap**2))
-            for omega, gap in zip((9.0, 12.0), gaps[pair], strict=True)
-        ]
+        return [measured(pair, gap, omega) for omega, gap in zip((9.0, 12.0), gaps[pair], strict=True)]
 
-    monkeypatch.setattr(module, "between", between)
-    monkeypatch.setattr(module.Predicted, "by", lambda name: name)
-    found = {trial.omega_rad_s: (trial.separates, trial.replicates) for trial in next_trials(["a", "b", "c"])}
+    named = rivals(monkeypatch, between, trials=160)
+    found = {trial.omega_rad_s: (trial.separates, trial.replicates) for trial in next_trials(named("abc"))}
     # The two at 9 rad/s count for the other pair, too: (25 - 2 * 0.4²) / 0.6².
     assert found == {9.0: (("a", "b"), 2), 12.0: (("b", "c"), 69)}
-    assert [trial.omega_rad_s for trial in next_trials(["a", "b"])] == [9.0]
+    assert [trial.omega_rad_s for trial in next_trials(named("ab"))] == [9.0]
 
 
 @pytest.mark.parametrize(("gap", "replicates"), [(0.5, 20), (2.5, 2)])
 def test_all_that_separate_a_pair_share_the_replicates_that_it_takes(monkeypatch, gap, replicates):
     """Five conditions of the same gap; where one alone is enough with two replicates, no other is proposed."""
     places = (6.0, 9.0, 12.0, 15.0, 18.0)
-    trials = [NextTrial(0.6, omega, "speed", ("a", "b"), gap, module._replicates(gap**2)) for omega in places]
-    monkeypatch.setattr(module, "between", lambda *_: trials)
-    monkeypatch.setattr(module.Predicted, "by", lambda name: name)
-    found = next_trials(["a", "b"])
+    named = rivals(monkeypatch, lambda *pair: [measured(pair, gap, omega) for omega in places])
+    found = next_trials(named("ab"))
     assert {trial.replicates for trial in found} == {replicates}
     assert 25 <= sum(trial.replicates for trial in found) * gap**2 < 25 + 2 * gap**2 * len(found)
+
+
+@pytest.mark.parametrize(("trials", "proposed"), [(100, 2), (99, 0)])
+def test_what_would_take_more_replicates_than_there_are_trials_is_not_proposed(monkeypatch, trials, proposed):
+    """Two conditions 0.5 standard deviations apart take 50 trials each, one alone 100."""
+    at = [(0.5, 9.0), (0.5, 12.0)]
+    named = rivals(monkeypatch, lambda *pair: [measured(pair, *one) for one in at], trials)
+    assert len(next_trials(named("ab"))) == proposed
+    base, *unseen = named(["base", "near", "far"])
+    found, out_of_reach = trials_to_exclude(base, unseen)
+    assert len(found) == proposed
+    assert out_of_reach == ([] if proposed else ["near", "far"])
+
+
+def test_trials_that_would_exclude_effects_are_chosen_as_those_that_separate_sets_are(monkeypatch):
+    """They share replicates, and no more than two readings are among them; a large gap leaves room for others."""
+
+    def between(first, second):
+        pair = first, second
+        if second == "force":
+            return [reading(pair, 10.0, depth_m) for depth_m in (0.01, 0.02, 0.03, 0.04)]
+        return [measured(pair, 0.8, omega) for omega in (9.0, 12.0)] if second == "drag" else []
+
+    base, *unseen = rivals(monkeypatch, between)(["base", "force", "drag", "absorbed"])
+    found, out_of_reach = trials_to_exclude(base, unseen)
+    assert sum(trial.kind == "reading" for trial in found) <= module.READINGS
+    assert [trial.replicates for trial in found if trial.kind == "trial"] == [20, 20]
+    assert out_of_reach == ["absorbed"]
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.actions import can_adopt, with_verdict
@@ -252,6 +253,17 @@ def test_of_a_class_the_class_is_said_and_not_its_first(two):
     assert "one of these is the best in 100 % of bootstrap draws" in " ".join(told.split())
     assert two.headline == "ambiguous: one of 2 sets: leg_slip; cable_drag"
     assert not can_adopt(two)
+
+
+def test_a_plan_is_offered_for_trials_but_not_for_readings(two):
+    trial = NextTrial(0.6, 9.0, "lift", ("leg_slip", "cable_drag"), 3.0, 3)
+    reading = NextTrial(0.6, np.nan, PENETRATION, ("leg_slip", "cable_drag"), 3.0, 4, 0.01)
+    asked = [
+        " ".join(answer.of_discovery(replace(two, next_trials=one)).split()) for one in ((reading,), (reading, trial))
+    ]
+    assert all("ask: 4 readings at φ 0.600, 1.0 cm deep, and look at penetration_force" in told for told in asked)
+    assert "--plan" not in asked[0]
+    assert "runs all 3 proposed trials" in asked[1]
 
 
 def test_of_one_that_is_identified_it_is_said_and_offered(two):

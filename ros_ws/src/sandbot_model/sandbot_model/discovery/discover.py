@@ -231,8 +231,10 @@ def _discovered(
         reported = averaged_with(reported, rival)
         verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
     floor = noise_floor(cells)
-    hidden, trials = _hidden_and_next_trials(search, verdict, named)
-    verdict = _with_remarks(search, verdict, named, hidden, trials)
+    hidden = unseen(search, named) if verdict.status == "adequate" else []
+    not_shown = tuple(fit.effects[0] for fit in hidden)
+    trials, out_of_reach = _next_trials(search, verdict, hidden)
+    verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
     return Discovery(
         model=base,
         cells=cells,
@@ -242,13 +244,13 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        unseen=tuple(fit.effects[0] for fit in hidden),
+        unseen=not_shown,
         stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
-        limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
+        limits=tuple(limits(search, named, not_shown)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
@@ -300,24 +302,29 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _hidden_and_next_trials(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
-    """Effects that could be hidden if the base model is adequate, and the trials to run next."""
-    if hidden := unseen(search, named) if verdict.status == "adequate" else []:
-        return hidden, trials_to_exclude(search.fits[()], hidden)
+def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
+    """The trials to run next, and those of the ``hidden`` effects that none within reach would show."""
+    if hidden:
+        return trials_to_exclude(search.fits[()], hidden)
     if verdict.status == "untested":
-        return [], to_run(search.cells, search.model(()))
-    return [], next_trials([search.fits[names] for names in verdict.alternatives])
+        return to_run(search.cells, search.model(())), []
+    return next_trials([search.fits[names] for names in verdict.alternatives]), []
 
 
 def _with_remarks(
-    search: EffectSearch, verdict: Verdict, named: Fit, hidden: Sequence[Fit], trials: Sequence[NextTrial]
+    search: EffectSearch,
+    verdict: Verdict,
+    named: Fit,
+    hidden: Sequence[str],
+    trials: Sequence[NextTrial],
+    out_of_reach: Sequence[str],
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     because = [verdict.because]
     if strange := implausible_k(search.fits[()]):
         because.append(strange)
     if hidden:
-        because.append(_not_excluded(hidden, trials, search.criteria))
+        because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if verdict.status == "ambiguous":
         because.append(_most_discriminating(trials, search.criteria))
     if verdict.status == "identified":
@@ -417,13 +424,18 @@ def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str
     return f"most telling: {best.observable} at {best.where} ({gap})"
 
 
-def _not_excluded(hidden: Sequence[Fit], trials: Sequence[NextTrial], criteria: Criteria) -> str:
-    """The effects that these data cannot exclude, and the trials that would reveal them."""
-    names = ", ".join(fit.effects[0] for fit in hidden)
-    shown = {trial.separates[1]: trial for trial in reversed(trials) if trial.expected_gap_sd > criteria.telling_sd}
+def _not_excluded(
+    hidden: Sequence[str], trials: Sequence[NextTrial], out_of_reach: Sequence[str], search: EffectSearch
+) -> str:
+    """The effects that these data cannot exclude, the trials that would reveal them, and those that none would."""
+    telling = [trial for trial in reversed(trials) if trial.expected_gap_sd > search.criteria.telling_sd]
+    shown = {trial.separates[1]: trial for trial in telling}
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
-    return f"at their usual strength these would not show in the data: {names}" + (
-        f" (what would show {how})" if how else ""
+    remarks = [f"what would show {how}"] if how else []
+    if out_of_reach:
+        remarks.append(f"not within reach of {search.cells.trials} more trials like these: {', '.join(out_of_reach)}")
+    return f"at their usual strength these would not show in the data: {', '.join(hidden)}" + (
+        f" ({'; '.join(remarks)})" if remarks else ""
     )
 
 

@@ -1,30 +1,30 @@
 """Confidence limits at 95 % on effects that are absent, such as ``stance_overlap.eta < 0.02``.
 
-They come from the profile likelihood, with the nuisances of the named set. An effect that can only reduce something
-(η, σ) has an upper limit, where the deviance has risen by 2.71; an effect of either sign (b, χ) has an interval, where
-it has risen by 3.84.
+Each is a value at which a fit with the parameter held there, and everything else free, is worse than the best by the
+rise of the deviance that the level asks for: 2.71 for an effect that can only reduce something (η, σ), which has an
+upper limit; 3.84 for an effect of either sign (b, χ), which has an interval.
 """
 
 import math
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.jacobian import full_jacobian, project_out, spanned
-from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.states import States
 from sandbot_model.fitting.text import to_error
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
-PROFILED_AT = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)
-"""Values at which the profile is computed, in standard errors from the linearised estimate."""
-NEAREST = 0.5
-"""Linearised standard errors within which no limit is credible: the deviance is a staircase there, not a parabola."""
+ROUNDS = 4
+"""Values tried for each limit; none is given if none of these is excluded."""
+AIMED_AT, ACCEPTED = 1.05, 1.3
+"""√ of the rise of the deviance at which the next value aims, and up to which a limit is accepted, as a multiple of
+what is asked: below 1 it would be no limit."""
+STAIRCASE = 1e-4
+"""Share of the plausible range below which a standard error is that of a step, not of the parameter."""
+OUTWARDS = 3.0
+"""Most by which the distance from the best value grows from one value to the next."""
 
 
 @dataclass(frozen=True)
@@ -61,77 +61,124 @@ def _to_two_digits(value: float, neutral: float) -> str:
     return f"{round(value, 1 - math.floor(math.log10(distance))):.12g}"
 
 
-def limits(search: EffectSearch, named: Fit) -> list[Limit]:
-    """Limits on each effect that is not named, vanishes at a neutral value of one parameter, and shows in the data."""
-    found = [_limit(search, named, name, strength) for name, strength in search.strengths(named.effects)]
-    return [limit for limit in found if limit is not None]
+def limits(search: EffectSearch, named: Fit, hidden: Container[str] = ()) -> list[Limit]:
+    """Limits on each effect that is not named, vanishes at a neutral value of one parameter, and shows in the data: not
+    on those that are ``hidden`` at their usual strength. No limit excludes the neutral value."""
+    strengths = {name: parameter for name, parameter in search.strengths(named.effects) if name not in hidden}
+    sides = _sides(search, named, strengths)
+    for _ in range(ROUNDS):
+        sought = [side for side in sides if not side.settled]
+        for side, deviance in zip(sought, _held(search, named, sought), strict=True):
+            side.look(deviance)
+    found = []
+    for name, parameter in strengths.items():
+        ends = {side.sign: side.limit for side in sides if side.name == name}
+        low, high, neutral = ends.get(-1), ends.get(1), float(parameter.neutral or 0.0)
+        found += [] if low is high is None else [Limit(name, parameter.name, parameter.unit, low, high, neutral)]
+    return found
 
 
-def _limit(search: EffectSearch, named: Fit, name: str, parameter: Parameter) -> Limit | None:
-    model = search.model(search.extended(named.effects, [name])[0])
-    problem, index = Problem(model, named.cells, named.nuisances), model.names.index(f"{name}.{parameter.name}")
-    neutral, (low, high) = float(parameter.neutral or 0.0), parameter.search
-    values = {f"{name}.{other.name}": other.start for other in search.effects[name].parameters}
-    values |= {key: estimate.value for key, estimate in named.parameters.items()}
-    theta = np.array([[values.get(key, 0.0) for key in model.names]])
-    theta[0, index] = neutral
-    start = problem.states(theta, named.state.ln_k, named.state.slope)
-    jacobian = full_jacobian(problem, start)[0]
-    estimate, error = _linear_estimate(jacobian, start.all_residuals[0], index)
-    estimate += neutral
-    if not error < high - low:
-        return None
-    points = np.unique(np.clip([neutral, *(estimate + error * np.array(PROFILED_AT))], low, high))
-    deviance = _profile(problem, start, jacobian, index, points)
+@dataclass
+class _Side:
+    """The search for the limit to one side of a parameter. Distances are from its best value, outwards."""
+
+    name: str
+    parameter: str
+    sign: int
+    best_value: float
+    deviance: float
+    root_asked: float
+    """√ of the rise of the deviance that excludes a value."""
+    tried: float
+    """Distance to try next."""
+    room: float
+    """Distance of the end of the plausible range."""
+    usual: float
+    """Distance of the usual strength."""
+    inside: tuple[float, float]
+    """The farthest distance that is not excluded, and √ of the rise there."""
+    outside: tuple[float, float] | None = None
+    """The nearest distance that is excluded, and √ of the rise there."""
+
+    @property
+    def limit(self) -> float | None:
+        """The nearest value that a fit excludes."""
+        return None if self.outside is None else self.best_value + self.sign * self.outside[0]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the deviance has risen by little more than is asked, or by less in all of the plausible range."""
+        if self.outside is None:
+            return self.inside[0] >= self.room
+        return self.outside[1] <= ACCEPTED * self.root_asked
+
+    def look(self, deviance: float) -> None:
+        """Take account of the deviance of the fit at the distance ``tried``."""
+        here = self.tried, math.sqrt(max(deviance - self.deviance, 0.0))
+        self.deviance = min(self.deviance, deviance)
+        if here[1] >= self.root_asked:
+            self.outside = here
+        else:
+            self.inside = here
+        (near, low), aim = self.inside, AIMED_AT * self.root_asked
+        if self.outside is None:
+            self.tried = min(near * min(aim / max(low, 1e-9), OUTWARDS), self.room)
+        else:
+            far, high = self.outside
+            self.tried = near + (far - near) * min((aim - low) / (high - low), 1.0)
+
+
+def _sides(search: EffectSearch, named: Fit, strengths: Mapping[str, Parameter]) -> list[_Side]:
+    """The sides to which limits are sought; none where the data say nothing."""
+    sets = [search.extended(named.effects, [name])[0] for name in strengths]
+    # The named set is fitted again, for its search may have gone deeper than those compared with it.
+    base, *free = search.near([search.model(names) for names in (named.effects, *sets)], named)
+    sides = [
+        side
+        for (name, parameter), fit in zip(strengths.items(), free, strict=True)
+        for side in _outwards(name, parameter, base.deviance, fit)
+    ]
+    return _not_made_to_vanish(search, named, sides)
+
+
+def _outwards(name: str, parameter: Parameter, base: float, free: Fit) -> Iterator[_Side]:
+    """The sides of one parameter, from its best value outwards: ``free`` has it, ``base`` is the deviance without."""
+    neutral, (value, error) = float(parameter.neutral or 0.0), free.parameters[f"{name}.{parameter.name}"]
+    best, centre = min((base, neutral), (free.deviance, value))
     one_sided = parameter.hard_low == neutral
     rise = ONE_SIDED if one_sided else TWO_SIDED
-    below = None if one_sided else _crossing(-points[::-1], deviance[::-1], rise)
-    above = _crossing(points, deviance, rise)
-    ends = [end for end in (below and -below, above) if end is not None]
-    if not ends or max(abs(end - max(estimate, low)) for end in ends) < NEAREST * error:
-        return None
-    lower = None if below is None or -below < parameter.low else -below
-    upper = None if above is None or above > parameter.high else above
-    return None if lower is upper is None else Limit(name, parameter.name, parameter.unit, lower, upper, neutral)
+    # An effect whose best fit is far above the base model does not contain that, as with a gait that is assumed.
+    if not STAIRCASE * parameter.width < error < parameter.width or free.deviance > best + rise:
+        return
+    for sign, end in ((1, parameter.high), (-1, parameter.low)):
+        kept, usual, room = (sign * (at - centre) for at in (neutral, parameter.start, end))
+        kept, root = max(kept, 0.0), math.sqrt(rise)
+        if kept < room and not (one_sided and sign < 0):
+            first = min(max(AIMED_AT * root * error, kept + error), room)
+            yield _Side(name, parameter.name, sign, centre, best, root, first, room, usual, (kept, 0.0))
 
 
-def _linear_estimate(jacobian: Array, residual: Array, index: int) -> tuple[float, float]:
-    """Linearised estimate of a parameter, relative to its present value, and its standard error; all others free."""
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
-    return float((covariance @ (jacobian.T @ residual))[index]), float(np.sqrt(covariance[index, index])) or np.inf
+def _not_made_to_vanish(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[_Side]:
+    """Those sides of which the usual strength and the end of the plausible range are excluded, as far as a second
+    parameter of the effect can make them vanish: a search from the neutral value may not find that."""
+    able = [side for side in sides if len(search.effects[side.name].parameters) > 1]
+    far = [
+        replace(side, tried=distance) for side in able for distance in (side.usual, side.room) if distance > side.tried
+    ]
+    deviances = _held(search, named, far)
+    vanishing = {
+        (side.name, side.sign)
+        for side, deviance in zip(far, deviances, strict=True)
+        if deviance < side.deviance + side.root_asked**2
+    }
+    return [side for side in sides if (side.name, side.sign) not in vanishing]
 
 
-def _profile(problem: Problem, start: States, jacobian: Array, index: int, values: Array) -> Array:
-    """Profile deviance ``(rows,)`` at values of one parameter, minimised over all others to first order.
-
-    Cells near a switch keep the weight they have at the start: the deviance of a mixture is rugged, not a parabola.
-    """
-    theta = np.repeat(start.theta, len(values), axis=0)
-    theta[:, index] = values
-    rows = np.zeros(len(values), dtype=np.int64)
-    moved = problem.states(theta, start.ln_k[rows], start.slope[rows], -start.shared[rows] * _prior_sd(problem))
-    shift = np.where(problem.measured, moved.predicted - start.predicted, 0.0)
-    residual = np.repeat(start.all_residuals, len(values), axis=0)
-    cells, readings = shift[0].size, moved.pressed.shape[1]
-    residual[:, :cells] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
-    residual[:, cells : cells + readings] = moved.pressed
-    remaining = project_out(residual.T, spanned(np.delete(jacobian, index, axis=1)))
-    return np.asarray(np.sum(remaining**2, axis=0))
-
-
-def _prior_sd(problem: Problem) -> Array:
-    return np.zeros(0) if problem.nuisances is None else problem.nuisances.sd
-
-
-def _crossing(values: Array, deviance: Array, rise: float) -> float | None:
-    """The value above the minimum at which the deviance has risen by ``rise``; None if it does not.
-
-    Interpolated linearly in the square root of the deviance, as is exact for a parabola.
-    """
-    best = int(np.argmin(deviance))
-    root = np.sqrt(np.maximum(deviance - deviance[best], 0.0))[best:]
-    beyond = np.flatnonzero(root > np.sqrt(rise))
-    if not len(beyond):
-        return None
-    at = int(beyond[0])
-    return float(np.interp(np.sqrt(rise), root[at - 1 : at + 1], values[best:][at - 1 : at + 1]))
+def _held(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[float]:
+    """Deviances of full fits with each parameter held at the distance that is to be tried."""
+    models = []
+    for side in sides:
+        value = side.best_value + side.sign * side.tried
+        names = search.extended(named.effects, [side.name])[0]
+        models.append(search.model(names, {f"{side.name}.{side.parameter}": value}))
+    return [fit.deviance for fit in search.near(models, named)]

@@ -21,7 +21,7 @@ CONTENDERS = 6
 READINGS = 2
 """Most penetrometer readings among the proposed measurements."""
 LEAST_SD = 0.3
-"""Expected gap below which a measurement is not proposed: it would take hundreds of replicates."""
+"""Expected gap below which two sets predict the same."""
 FINER = 3
 """Frequencies tried between neighbouring measured ones."""
 PENETRATION = "penetration_force"
@@ -80,13 +80,30 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
 
     They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
     ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them. All that separate
-    a pair share the replicates that this takes.
+    a pair share the replicates that this takes. One that alone would need more replicates than there are trials is not
+    within reach.
     """
-    pairs = [between(first, second) for first, second in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
+    pairs = combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)
+    return _chosen([between(*pair) for pair in pairs], contenders[0].cells.trials) if len(contenders) > 1 else []
+
+
+def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
+    """The most informative measurements in which effects would show that are ``unseen`` but not excluded, and the
+    effects that none within reach would show."""
+    predicted, within_reach = Predicted.by(base), base.cells.trials
+    pairs = [between(predicted, Predicted.by(other)) for other in unseen]
+    least = [min((trial.replicates for trial in trials), default=math.inf) for trials in pairs]
+    hopeless = [other.effects[0] for other, count in zip(unseen, least, strict=True) if count > within_reach]
+    return _chosen(pairs, within_reach), hopeless
+
+
+def _chosen(pairs: Sequence[Sequence[NextTrial]], within_reach: int) -> list[NextTrial]:
+    """The most informative of the measurements that separate each pair, see ``next_trials``; none that alone would need
+    more replicates than are ``within_reach``."""
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
-    while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen)) is not None:
+    while len(chosen) < MAX_TRIALS and (best := _most_informative(gaps, separated, chosen, within_reach)):
         chosen.append(best)
         separated += [_weight(gap.get(best.condition)) for gap in gaps]
     return sorted(_with_shared_replicates(chosen, gaps), key=lambda trial: -trial.expected_gap_sd)
@@ -113,7 +130,7 @@ def _with_shared_replicates(
 
 
 def _most_informative(
-    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial]
+    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial], within_reach: int
 ) -> NextTrial | None:
     """The measurement that adds most to ``separated (pairs,)``, or None. It is reported for the pair that gains most;
     if all its pairs are separated already, it is proposed only where ``LEAST_REPLICATES`` are enough."""
@@ -129,7 +146,8 @@ def _most_informative(
         # Once all pairs are separated, a wider gap still counts a little: it makes the separation more certain.
         score = gain + 1e-3 * np.minimum(after - separated, SETTLED_SD**2)
         shown = gaps[int(np.argmax(score))].get(key, trial)
-        if score.sum() > most and (gain.any() or shown.replicates == LEAST_REPLICATES):
+        enough = within_reach if gain.any() else LEAST_REPLICATES
+        if score.sum() > most and shown.replicates <= enough:
             best, most = shown, float(score.sum())
     return best
 
@@ -137,18 +155,6 @@ def _most_informative(
 def _weight(trial: NextTrial | None) -> float:
     """Expected χ² of ``LEAST_REPLICATES`` replicates."""
     return 0.0 if trial is None else LEAST_REPLICATES * trial.expected_gap_sd**2
-
-
-def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
-    """Measurements in which effects that are ``unseen`` but not excluded would show: the best for each, then more."""
-    predicted = Predicted.by(base)
-    each = [between(predicted, Predicted.by(other)) for other in unseen]
-    best: list[NextTrial] = []
-    for trials in sorted(each, key=lambda trials: -trials[0].expected_gap_sd if trials else 0.0):
-        # Two effects may show best in the same condition: each still gets one of its own.
-        best += _distinct([trial for trial in trials if trial.condition not in {other.condition for other in best}])[:1]
-    more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
-    return [*best, *(trial for trial in more if trial not in best)][:MAX_TRIALS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,14 +213,6 @@ def between(first: Predicted, second: Predicted) -> list[NextTrial]:
     """Measurements in which two fits differ, the widest gap first, including conditions not measured yet."""
     found = [*_trials_between(first, second), *_readings_between(first, second)]
     return sorted(found, key=lambda trial: -trial.expected_gap_sd)
-
-
-def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
-    chosen: list[NextTrial] = []
-    for trial in sorted(trials, key=lambda trial: -trial.expected_gap_sd):
-        if all(trial.condition != other.condition for other in chosen):
-            chosen.append(trial)
-    return chosen
 
 
 def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:

@@ -41,7 +41,8 @@ def of_discovery(found: Discovery) -> str:
         first = found.next_trials[0]
         ask = f"ask: {counted(first.replicates, first.kind)} at {first.where}, and look at {first.observable}"
         every = sum(trial.replicates for trial in found.next_trials if trial.kind == "trial")
-        lines += ["", filled(f"{ask}; campaign PLAN --plan DISCOVERY.json runs all {every} proposed trials")]
+        run = f"; campaign PLAN --plan DISCOVERY.json runs all {every} proposed trials" if every else ""
+        lines += ["", filled(f"{ask}{run}")]
     return "\n".join(lines)
 
 
