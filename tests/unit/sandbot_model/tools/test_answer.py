@@ -14,6 +14,7 @@ from sandbot_common import terminal
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import verdict
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
@@ -89,11 +90,21 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     fit = two.fit
     assert answer.of_comparison([fit]).startswith(f"{fit.name} holds: ")
     name, value = next((one, value) for one, (value, _) in fit.parameters.items() if "." in one)
-    monkeypatch.setattr(answer, "doubtful_parameters", lambda _: [name])
+    monkeypatch.setattr(verdict, "doubtful_parameters", lambda _: [name])
     told = " ".join(answer.of_comparison([fit]).split())
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+def test_nor_does_a_base_model_with_a_response_time_at_its_bound(drawn):
+    base = fit(model_of("simple", (), catalogue()), cells_of(drawn()))
+    vars(base)["implausible"] = ()
+    assert answer.of_comparison([base]).startswith("simple model holds: ")
+    vars(base)["implausible"] = ("delta_t_s",)
+    told = " ".join(answer.of_comparison([base]).split())
+    assert told.startswith("simple model explains the data (")
+    assert "but only with delta_t_s = 0.4" in told
 
 
 @pytest.mark.parametrize("left_out", [0, 1])

@@ -24,7 +24,6 @@ TOO_FLAT = 2.0
 """Factor by which the rise may fall short of a parabola's."""
 TOO_STEEP = 4.0
 """Factor by which it may exceed a parabola's; beyond it there is a cliff."""
-
 POINTS = 48
 """Points of the sample that are kept for predictions: these give a standard deviation to 10 %."""
 

@@ -152,13 +152,18 @@ class Fitted:
 
     @cached_property
     def at_bounds(self) -> tuple[str, ...]:
-        """Parameters at an end of their search range."""
-        return goodness.at_bounds(self.problem, self.point.theta)
+        """Parameters at an end of their search range, of those that the data determine."""
+        return tuple(filter(self.determines, goodness.at_bounds(self.problem, self.point.theta)))
 
     @cached_property
     def implausible(self) -> tuple[str, ...]:
-        """Parameters more than three standard errors outside their plausible range."""
-        return goodness.implausible(self.model, self.parameters)
+        """Parameters three standard errors or more outside their plausible range, of those that the data determine."""
+        return tuple(filter(self.determines, goodness.implausible(self.model, self.parameters)))
+
+    def determines(self, name: str) -> bool:
+        """Whether the data determine a shared parameter, or it is held. An effect's threshold without a standard error
+        counts: the deviance is a staircase along it."""
+        return "." in name or name in self.model.held or self.parameters[name].stderr > 0
 
     @cached_property
     def gait(self) -> str:
