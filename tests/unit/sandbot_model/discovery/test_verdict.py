@@ -8,6 +8,7 @@ import pytest
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import claim_threshold, earns_place, judge, passes
+from sandbot_model.fitting.goodness import Estimate
 
 CELLS = 20
 
@@ -23,12 +24,18 @@ def made(
     delta_t=(0.4, 0.01),
     held=False,
     variants=(),
+    implausible=(),
 ):
     """A fit whose cells miss alike, but for the first, which misses by ``one_cell`` more."""
     parts = np.full(CELLS, (deviance - one_cell) / CELLS)
     parts[0] += one_cell
     return SimpleNamespace(
-        model=SimpleNamespace(base="simple", held={"delta_t_s": delta_t[0]} if held else {}, names=(), parameters=()),
+        model=SimpleNamespace(
+            base="simple",
+            held={"delta_t_s": delta_t[0]} if held else {},
+            names=("delta_t_s", "v_swim_m_s"),
+            parameters=(SimpleNamespace(low=0.1, high=1.2), SimpleNamespace(low=0.0, high=0.05)),
+        ),
         effects=effects,
         variants=dict.fromkeys(variants, "another"),
         deviance=deviance,
@@ -36,8 +43,8 @@ def made(
         lack_of_fit_p=p,
         goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit=each or {"speed": p}),
         at_bounds=at_bounds,
-        parameters={"delta_t_s": delta_t},
-        implausible=(),
+        parameters={"delta_t_s": Estimate(*delta_t), "v_swim_m_s": Estimate(0.075, 0.001)},
+        implausible=implausible,
         fails=(),
         level_phi=np.array([0.6]),
         cells=SimpleNamespace(
@@ -143,7 +150,7 @@ def test_a_parameter_at_its_bound_passes_nothing():
 
 def test_a_model_that_passes_is_not_adequate_where_a_number_nobody_believes_repairs_much(monkeypatch):
     monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
-    monkeypatch.setattr(verdict, "with_plausible_ranges", lambda _fit, names: names)
+    monkeypatch.setattr(verdict, "only_with", lambda _fit: "only with a.x")
     base, little = made(deviance=200.0), made("a", deviance=185.0, at_bounds=("a.x",))
     assert judged(base, little).status == "adequate"
     assert judged(base, made("a", deviance=60.0, at_bounds=("a.x",))).status == "unexplained"
@@ -154,6 +161,28 @@ def test_an_effect_that_needs_an_impossible_response_time_is_none():
     assert not passes(made("a", deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 0.4)))
     assert passes(made("a", deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 1.5)))
     assert passes(made(deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 0.4)))
+
+
+MANY = ("delta_t_s", "v_swim_m_s")
+BOTH = "but only with delta_t_s = 1.75 (plausible: 0.1 to 1.2) and v_swim_m_s = 0.075 (plausible: 0 to 0.05)"
+
+
+def test_a_base_model_that_needs_numbers_nobody_believes_says_so_once():
+    plain, strange = (made(deviance=60.0, delta_t=(1.75, 0.02), implausible=names) for names in ((), MANY))
+    assert judged(plain).because.endswith("replicates scatter (lack of fit p = 0.5)")
+    assert judged(strange).because.endswith(f"replicates scatter (lack of fit p = 0.5), {BOTH}")
+    assert judged(strange).status == "adequate"
+
+
+@pytest.mark.parametrize("rivals", [(), (made("b", deviance=61.0),)])
+def test_a_claim_says_why_a_base_model_that_passes_is_not_enough(rivals):
+    strange = made(deviance=200.0, delta_t=(1.75, 0.02), implausible=MANY)
+    because = judged(strange, made("a", deviance=60.0), *rivals).because
+    assert because.startswith("the simple model misses the cell means by no more than replicates scatter")
+    assert f"{BOTH}; with a the deviance falls from 200 to 60" in because
+    assert because.count("deviance falls") == 1
+    # One that fails needs no other reason.
+    assert "the simple model" not in judged(BASE, made("a", deviance=60.0), *rivals).because
 
 
 def test_a_single_observable_can_refuse_a_model():

@@ -2,6 +2,7 @@
 
 from concurrent.futures import Executor, Future
 
+import numpy as np
 import pytest
 from made_up import EFFECTS, Inline, made_up_trials
 
@@ -31,6 +32,23 @@ def test_the_ladder_is_that_of_compare(session):
         assert one.effects == other.effects
         assert one.rmse_m_s == pytest.approx(other.rmse_m_s, rel=1e-3)
         assert one.deviance == pytest.approx(other.deviance, abs=0.05)
+
+
+def test_the_page_has_the_uncertainty_of_compare_once_a_worker_has_sampled_it():
+    """The threshold is sampled: until then the page has what derivatives give, which know nothing of it."""
+    trials = made_up_trials(effect=("disturbed_ground", {"k_l_n_per_m": 172.0, "s_c": 0.95}))
+    session, chosen = Session(cells_of(trials), Inline()), Selection(effects=("disturbed_ground",))
+    before = session.step(chosen)
+    assert before.fit.sample is None
+    session.with_final_errors(chosen)
+    after = session.step(chosen)
+    assert after is session.step(chosen)
+    assert session.with_final_errors(chosen) is after.fit
+    assert after.fit.sample is not None
+    theirs = compare(session.cells, EFFECTS, chosen.effects).fit
+    phi, omega = theirs.level_phi[:, None], np.array([5.0, 9.0])
+    np.testing.assert_allclose(after.fit.uncertainty(phi, omega), theirs.uncertainty(phi, omega), rtol=0.3, atol=3e-4)
+    np.testing.assert_array_equal(after.speed_m_s, before.speed_m_s)
 
 
 def test_a_set_fitted_once_is_not_fitted_again(session, monkeypatch):

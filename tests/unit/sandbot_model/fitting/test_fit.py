@@ -28,6 +28,18 @@ def test_recovers_what_was_planted(drawn):
     assert not found.implausible
 
 
+def test_what_nothing_measured_is_neither_implausible_nor_at_a_bound(smooth, drawn):
+    """The search may leave it anywhere. Control: where some cells swim."""
+    swims = fit(model_of("simple", (), EFFECTS), cells_of(drawn()))
+    at = smooth.model.names.index("v_swim_m_s")
+    for found, names in ((smooth, ()), (swims, ("v_swim_m_s",))):
+        theta = found.point.theta.copy()
+        theta[at] = found.model.parameters[at].search[1]
+        moved = fitted_at(found.model, found.cells, dataclasses.replace(found.point, theta=theta))
+        assert np.isnan(moved.parameters["v_swim_m_s"].stderr) == (not names)
+        assert moved.at_bounds == moved.implausible == names
+
+
 @pytest.mark.slow
 def test_standard_errors_cover_the_truth(drawn):
     pulls = []

@@ -8,7 +8,7 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.nuisances import Nuisances
-from sandbot_model.fitting.sample import _Ensemble, _single_cell_offsets_marginalised, moments
+from sandbot_model.fitting.sample import _Ensemble, _single_cell_offsets_marginalised, moments, posterior_points
 
 
 def known(found: Fit) -> np.ndarray:
@@ -18,14 +18,17 @@ def known(found: Fit) -> np.ndarray:
 def test_of_a_parabola_a_sample_has_the_covariance(smooth, monkeypatch):
     monkeypatch.setattr(sample, "STEPS", 2000)
     free = known(smooth)
-    found, linear = moments(smooth.problem, smooth.state, free, []), smooth.covariance[np.ix_(free, free)]
+    found, linear = (
+        moments(posterior_points(smooth.problem, smooth.state, free, [])),
+        smooth.covariance[np.ix_(free, free)],
+    )
     scale = np.sqrt(np.diag(linear))
     np.testing.assert_allclose(np.sqrt(np.diag(found)), scale, rtol=0.2)
     np.testing.assert_allclose(found / np.outer(scale, scale), linear / np.outer(scale, scale), atol=0.25)
 
 
 def test_the_same_fit_has_the_same_sample(smooth):
-    first, second = (moments(smooth.problem, smooth.state, known(smooth), [0]) for _ in range(2))
+    first, second = (moments(posterior_points(smooth.problem, smooth.state, known(smooth), [0])) for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
@@ -45,7 +48,7 @@ def test_what_is_not_free_stays_where_it_is(smooth, monkeypatch):
     own = smooth.covariance[np.ix_(free, free)]
     # With Δt held all else is known better, by what the covariance says.
     held = own - np.outer(smooth.covariance[free, 0], smooth.covariance[0, free]) / smooth.covariance[0, 0]
-    found = np.sqrt(np.diag(moments(smooth.problem, smooth.state, free, [])))
+    found = np.sqrt(np.diag(moments(posterior_points(smooth.problem, smooth.state, free, []))))
     np.testing.assert_allclose(found, np.sqrt(np.diag(held)), rtol=0.2)
 
 
@@ -65,7 +68,7 @@ def test_what_the_bed_is_off_by_under_single_conditions_need_not_be_sampled(smoo
     off, free = beside(smooth, np.eye(len(smooth.cells)), 0.004), known(smooth)
     slopes = full_jacobian(off.problem, off.state)[0][:, np.concatenate([free, np.ones(len(smooth.cells), dtype=bool)])]
     linear = np.linalg.inv(slopes.T @ slopes)[: free.sum(), : free.sum()]
-    found = np.sqrt(np.diag(moments(off.problem, off.state, free, [])))
+    found = np.sqrt(np.diag(moments(posterior_points(off.problem, off.state, free, []))))
     np.testing.assert_allclose(found, np.sqrt(np.diag(linear)), rtol=0.2)
     # They do matter: on an even bed every k is known better.
     assert (found[2:] > 1.25 * smooth.stderr[free][2:]).all()

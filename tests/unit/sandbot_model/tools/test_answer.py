@@ -14,7 +14,7 @@ from sandbot_common import terminal
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery import candidates
+from sandbot_model.discovery import verdict
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
@@ -91,7 +91,7 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     fit = two.fit
     assert answer.of_comparison([fit]).startswith(f"{fit.name} holds: ")
     name, value = next((one, value) for one, (value, _) in fit.parameters.items() if "." in one)
-    monkeypatch.setattr(answer, "doubtful_parameters", lambda _: [name])
+    monkeypatch.setattr(verdict, "doubtful_parameters", lambda _: [name])
     told = " ".join(answer.of_comparison([fit]).split())
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
@@ -108,6 +108,16 @@ def test_no_standard_error_is_given_where_a_model_fails_and_that_is_said(two):
     for told in (answer.of_comparison([fit]), tables.parameters(fit)):
         assert "±" in told
         assert NO_ERROR not in " ".join(told.split())
+
+
+def test_nor_does_a_base_model_with_a_response_time_at_its_bound(drawn):
+    base = fit(model_of("simple", (), catalogue()), cells_of(drawn()))
+    vars(base)["implausible"] = ()
+    assert answer.of_comparison([base]).startswith("simple model holds: ")
+    vars(base)["implausible"] = ("delta_t_s",)
+    told = " ".join(answer.of_comparison([base]).split())
+    assert told.startswith("simple model explains the data (")
+    assert "but only with delta_t_s = 0.4" in told
 
 
 @pytest.mark.parametrize("left_out", [0, 1])
@@ -305,7 +315,7 @@ def test_a_candidate_that_is_not_named_for_its_values_is_marked(two, monkeypatch
     found = replace(two, verdict=replace(two.verdict, alternatives=(("leg_slip",),)))
     assert all(one.delta_bic < 0 for one in found.candidates)
     assert "*" not in tables.candidates(found, 5)
-    monkeypatch.setattr(candidates, "doubtful_parameters", lambda _: ["delta_t_s"])
+    monkeypatch.setattr(verdict, "doubtful_parameters", lambda _: ["delta_t_s"])
     told = tables.candidates(found, 5)
     assert "\ncable_drag *" in told
     assert "leg_slip *" not in told

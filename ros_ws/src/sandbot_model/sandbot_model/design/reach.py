@@ -1,6 +1,7 @@
 """What a plan would show if all of it were run."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,9 @@ def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], f
     """
     error = np.sqrt(places.noise / replicates + places.shared)
     expected, accuracy = _predicted(named, places), named.cells.accuracy
-    free = (named.deviations(places.phi, places.omega, places.clock) / error).reshape(-1, expected.size)
+    # Along axes: as many directions as unknowns, where the points of a sample would absorb any gap.
+    along = replace(named, sample=None).deviations(places.phi, places.omega, places.clock)
+    free = (along / error).reshape(-1, expected.size)
     prior = (reading_errors(expected, accuracy.lift_zero_m, accuracy.speed_scale) / error).reshape(-1, expected.size)
 
     def gain(other: Fit) -> float:

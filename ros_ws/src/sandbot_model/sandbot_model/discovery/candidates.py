@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.discovery.verdict import Sets, doubtful_parameters, with_plausible_ranges
+from sandbot_model.discovery.verdict import Sets, doubtful_values
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
@@ -39,11 +39,7 @@ def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit]) -> dict[st
     """Of the single effects that lower the BIC but can't be named, effect → the implausible values at which it fits."""
     alone = {fit.effects: fit for fit in fits}
     lower = [fit for one in found if one.delta_bic < 0 and (fit := alone.get((one.effect,)))]
-    return {fit.effects[0]: " and ".join(held) for fit in lower if (held := _implausible_values(fit))}
-
-
-def _implausible_values(fit: Fit) -> list[str]:
-    return with_plausible_ranges(fit, doubtful_parameters(fit))
+    return {fit.effects[0]: values for fit in lower if (values := doubtful_values(fit))}
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

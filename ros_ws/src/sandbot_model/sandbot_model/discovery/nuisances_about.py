@@ -129,7 +129,8 @@ def averaged_with(fit: Fit, other: Fit) -> Fit:
     there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
     away = np.where(np.isnan(fit.stderr + other.stderr[own]), 0.0, there[own] - here)
     moments = (1.0 - weight) * fit.covariance + weight * (other.covariance[np.ix_(own, own)] + np.outer(away, away))
-    return replace(fit, stderr=np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments))), covariance=moments)
+    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    return replace(fit, stderr=stderr, covariance=moments, sample=None)
 
 
 def _scatter_posterior(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:

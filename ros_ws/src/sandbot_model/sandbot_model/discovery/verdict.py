@@ -70,13 +70,20 @@ def doubtful_parameters(fit: Fit) -> list[str]:
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == delta_t]
 
 
-def with_plausible_ranges(fit: Fit, names: Iterable[str]) -> list[str]:
-    """Values of parameters with their plausible ranges: ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``."""
+def doubtful_values(fit: Fit) -> str:
+    """The doubtful parameters, or the implausible ones of a base model alone, with their plausible ranges:
+    ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``; empty if there are none."""
     ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
-    return [
+    return " and ".join(
         f"{name} = {fit.parameters[name].value:.4g} (plausible: {ranges[name].low:g} to {ranges[name].high:g})"
-        for name in dict.fromkeys(names)
-    ]
+        for name in dict.fromkeys(doubtful_parameters(fit) if fit.effects else fit.implausible)
+    )
+
+
+def only_with(fit: Fit) -> str:
+    """``only with`` these values; empty if there are none."""
+    values = doubtful_values(fit)
+    return f"only with {values}" if values else ""
 
 
 def _is_determined(value: float, stderr: float) -> bool:
@@ -137,14 +144,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     # Implausible parameters count here: they bar a claim, but the misfit that they repair is real.
     helpful = [key for key in fits if len(key) == 1 and gains_enough(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:
-        scatter = "the error bars" if base.cells.error_bars else "replicates scatter"
-        return Verdict(
-            "adequate",
-            (),
-            (),
-            f"the {base.model.base} model misses the cell means by no more than {scatter} {_p(base)}"
-            + "".join(f", but only with {one}" for one in with_plausible_ranges(base, base.implausible)),
-        )
+        return Verdict("adequate", (), (), _base_suffices(base))
     good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
     if not good:
         return _unexplained(fits, criteria)
@@ -160,18 +160,33 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     rivals = sorted(
         (fit for fit in rivals if _penalised_bic(fit) - _penalised_bic(best) < margin), key=lambda fit: fit.bic
     )
+    although = f"{_base_suffices(base)}; " if leaves_nothing(base, criteria) else ""
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
             "ambiguous",
             best.effects,
             sets,
-            f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}"
+            (f"{although}{_fall(base, best)}; " if although else "")
+            + f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}"
             + (
                 f" (one with a formula selected from {CONVENTION_COUNT})" if rivals[-1].bic - best.bic >= margin else ""
             ),
         )
-    return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
+    return Verdict("identified", best.effects, (best.effects,), although + _because(fits, best))
+
+
+def _base_suffices(base: Fit) -> str:
+    """That the base model shows no lack of fit, and at which implausible values."""
+    scatter = "the error bars" if base.cells.error_bars else "replicates scatter"
+    only = only_with(base)
+    return f"the {base.model.base} model misses the cell means by no more than {scatter} {_p(base)}" + (
+        f", but {only}" if only else ""
+    )
+
+
+def _fall(base: Fit, best: Fit) -> str:
+    return f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f}"
 
 
 def _penalised_bic(fit: Fit) -> float:
@@ -206,8 +221,7 @@ def _because(fits: Sets, best: Fit) -> str:
         but = f"but with {doubtful_parameters(nearest)[0]} at or beyond its bound"
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
-        f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
-        f"on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
+        f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
         f"leave nothing to explain {_p(best)}{rest}"
     )
 
@@ -264,18 +278,14 @@ def _where_it_fails(fit: Fit) -> str:
 
 def refused_as_implausible(fit: Fit) -> Verdict:
     """The refusal of a set that shows no lack of fit, because a parameter is implausible."""
-    would = f"{_name(fit.effects)} would leave {_nothing(fit)}, but {_only_if_implausible(fit)}"
+    would = f"{_name(fit.effects)} would leave {_nothing(fit)}, but {only_with(fit)}"
     return Verdict("unexplained", (), (), would)
-
-
-def _only_if_implausible(fit: Fit) -> str:
-    return f"only with {' and '.join(with_plausible_ranges(fit, doubtful_parameters(fit)))}"
 
 
 def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     """Why a set that shows no lack of fit is not claimed."""
     if doubtful_parameters(fit):
-        return _only_if_implausible(fit)
+        return only_with(fit)
     part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
     gain = _deviance_terms(fits[part]) - _deviance_terms(fit)
     threshold = claim_threshold(fit, criteria)

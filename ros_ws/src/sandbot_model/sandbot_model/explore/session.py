@@ -35,6 +35,8 @@ from sandbot_model.report.view import Step
 
 Key = tuple[str, frozenset[str], tuple[str, ...]]
 """Base model, effects, and the formulas that define some of them."""
+Errors = dict[str, Array | None]
+"""The fields of a ``Fit`` that state its errors."""
 
 
 PATIENCE_S = 0.15
@@ -55,9 +57,10 @@ def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
     return solved(fit(model, cells, start))
 
 
-def sampled_errors(model: Model, cells: Cells, point: Point) -> Array:
-    """Standard errors of a fit, sampled where the deviance is no parabola; runs in a worker process."""
-    return with_sampled_errors(fitted_at(model, cells, point)).stderr
+def sampled_errors(model: Model, cells: Cells, point: Point) -> Errors:
+    """Errors of a fit, sampled where the deviance is no parabola; runs in a worker process."""
+    found = with_sampled_errors(fitted_at(model, cells, point))
+    return {"stderr": found.stderr, "covariance": found.covariance, "sample": found.sample}
 
 
 def solved(found: Fit) -> Solved:
@@ -79,7 +82,7 @@ class Session:
         self._solved: dict[Key, Future[Solved]] = {}
         self._starts: dict[Key, WarmStart | None] = {}
         self._steps: dict[Key, Step] = {}
-        self._errors: dict[Key, Future[Array]] = {}
+        self._errors: dict[Key, Future[Errors]] = {}
         self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
 
     def catalogue(self, formulas: Sequence[str] = ()) -> Mapping[str, Effect]:
@@ -106,16 +109,22 @@ class Session:
         return with_curves([held_by_hand(fitted.fit, selection.by_hand)])[0]
 
     def with_final_errors(self, selection: Selection) -> Fit | None:
-        """The fit shown, with final standard errors; None while a worker is sampling them."""
-        found = self.step(selection).fit
+        """The fit shown, with final standard errors; None while a worker is sampling them. From then on ``step`` has
+        them too."""
+        step, key = self.step(selection), self._key(selection)
+        found = step.fit
         if selection.by_hand or not found.model.effects:
             return found
-        key = self._key(selection)
         with self._lock:
             if key not in self._errors:
                 self._errors[key] = self._workers.submit(sampled_errors, found.model, found.cells, found.point)
             future = self._errors[key]
-        return replace(found, stderr=future.result()) if future.done() else None
+            if not future.done():
+                return None
+            if found.stderr is not (errors := future.result())["stderr"]:
+                found = replace(found, **errors)  # type: ignore[arg-type]
+                self._steps[key] = replace(step, fit=found)
+        return found
 
     def fit_ahead(self, selection: Selection) -> None:
         """Submit a fit of every set that is one switch away; cancel earlier ones not yet begun."""

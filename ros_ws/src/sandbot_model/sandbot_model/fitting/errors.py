@@ -12,7 +12,7 @@ import numpy as np
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.profile import determined, profile, state_of_fit
-from sandbot_model.fitting.sample import moments
+from sandbot_model.fitting.sample import SEED, moments, posterior_points
 from sandbot_model.fitting.scans import by_level, evaluated_at
 from sandbot_model.fitting.states import States
 
@@ -24,6 +24,8 @@ TOO_FLAT = 2.0
 """Factor by which the rise may fall short of a parabola's."""
 TOO_STEEP = 4.0
 """Factor by which it may exceed a parabola's; beyond it there is a cliff."""
+POINTS = 48
+"""Points of the sample that are kept for predictions: these give a standard deviation to 10 %."""
 
 
 @lru_cache(maxsize=32)
@@ -32,6 +34,8 @@ def with_sampled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
 
     ``problem`` may have more nuisances than the fit's own.
     """
+    if fit.sample is not None:
+        return fit
     problem, own = problem or fit.problem, determined(fit)
     begin = state_of_fit(problem, fit)
     along = [index for index in own if not _parabolic(problem, fit, begin, index)]
@@ -41,9 +45,12 @@ def with_sampled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
     free[: len(fit.point.theta)] = False
     free[own] = True
     stderr, covariance = fit.stderr.copy(), fit.covariance.copy()
-    covariance[np.ix_(free, free)] = found = moments(problem, begin, free, along)
+    away = posterior_points(problem, begin, free, along)
+    covariance[np.ix_(free, free)] = found = moments(away)
     stderr[free] = np.sqrt(np.diag(found))
-    return replace(fit, stderr=stderr, covariance=covariance)
+    points = np.tile(np.concatenate([fit.point.theta, fit.point.ln_k]), (POINTS, 1))
+    points[:, free] += np.random.default_rng(SEED).choice(away, POINTS, replace=False)
+    return replace(fit, stderr=stderr, covariance=covariance, sample=points)
 
 
 def _parabolic(problem: Problem, fit: Fit, begin: States, index: int) -> bool:

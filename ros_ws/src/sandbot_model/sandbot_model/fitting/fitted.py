@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,15 +20,20 @@ from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
-from sandbot_model.fitting.uncertainty import deviations, propagated
-from sandbot_model.physics.arrays import Array
+from sandbot_model.fitting.uncertainty import change, principal_steps
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import KCurve, Prediction
 
-T = TypeVar("T")
+PARTS = 0.5 ** np.arange(8)
+"""Parts of a standard deviation that are tried as a step (``Fitted.uncertainty``)."""
+TOO_STEEP = 4.0
+"""Factor by which the deviance may rise beyond a parabola's on it."""
+CLIFF = 4.0
+"""Rise beyond a parabola's, that of two standard deviations, behind which a switch is still likely."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,6 +56,8 @@ class Fitted:
     nuisances: Nuisances | None = None
     """Nuisance parameters fitted with the rest; their estimates are ``shared``."""
     shared: tuple[Estimate, ...] = ()
+    sample: Array | None = None
+    """Points ``(points, unknowns)`` of a posterior sample of the same unknowns, where ``stderr`` is that of one."""
     at_minimum: bool = True
     """False where values are held by hand and all others are as fitted before, so that no error out of sample is known.
     """
@@ -111,7 +118,7 @@ class Fitted:
         """The errors where each cell is predicted by the others."""
         if not self.at_minimum:
             return CrossValidation(dict.fromkeys(NAMES, np.nan), 0, np.nan)
-        return cross_validation(self.problem, self.state, full_jacobian(self.problem, self.state)[0])
+        return cross_validation(self.problem, self.state, self._jacobian)
 
     @property
     def cv_rmse_m_s(self) -> float:
@@ -145,13 +152,18 @@ class Fitted:
 
     @cached_property
     def at_bounds(self) -> tuple[str, ...]:
-        """Parameters at an end of their search range."""
-        return goodness.at_bounds(self.problem, self.point.theta)
+        """Parameters at an end of their search range, of those that the data determine."""
+        return tuple(filter(self.determines, goodness.at_bounds(self.problem, self.point.theta)))
 
     @cached_property
     def implausible(self) -> tuple[str, ...]:
-        """Parameters more than three standard errors outside their plausible range."""
-        return goodness.implausible(self.model, self.parameters)
+        """Parameters three standard errors or more outside their plausible range, of those that the data determine."""
+        return tuple(filter(self.determines, goodness.implausible(self.model, self.parameters)))
+
+    def determines(self, name: str) -> bool:
+        """Whether the data determine a shared parameter, or it is held. An effect's threshold without a standard error
+        counts: the deviance is a staircase along it."""
+        return "." in name or name in self.model.held or self.parameters[name].stderr > 0
 
     @cached_property
     def gait(self) -> str:
@@ -178,19 +190,16 @@ class Fitted:
     def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Array:
         """Standard deviation ``(..., 4)`` of ``predict`` due to the uncertainty of θ and k.
 
-        See ``uncertainty.propagated``; it is large near a switch. Raises InputError as ``predict`` does.
+        It is large near a switch. Raises InputError as ``predict`` does.
         """
         phi, omega = _conditions(phi, omega, clock)
-        found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
-        shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
-        return np.asarray(np.broadcast_to(found, (*shape, 4)))
+        return _sd(self._changes(lambda theta, k: self._observables(theta, k, phi, omega, clock)))
 
     def deviations(self, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
-        """Changes ``(axes, n, 4)`` of ``predict`` at conditions ``(n,)`` for one standard deviation along each
-        principal axis of the covariance of θ and k; the sum of their products over axes is its covariance.
+        """Changes ``(m, n, 4)`` of ``predict`` at conditions ``(n,)``, the sum of whose products is its covariance: one
+        for each principal axis of the covariance of θ and k, or for each point of the ``sample``.
         """
-        found = self._apply(deviations, lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
-        return np.array([np.broadcast_to(axis, (len(phi), 4)) for axis in found]).reshape(-1, len(phi), 4)
+        return self._changes(lambda theta, k: self._observables(theta, k, phi, omega, clock))
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
         """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
@@ -198,26 +207,64 @@ class Fitted:
         def force(theta: Array, ln_k: Array) -> Array:
             return self.problem.press(theta, ln_k, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
 
-        return force(self.point.theta, self.point.ln_k), self._propagated(force)
+        found = self._changes(lambda theta, ln_k: (force(theta, ln_k)[:, None], True))
+        return force(self.point.theta, self.point.ln_k), _sd(found)[..., 0]
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def _propagated(self, predict: Callable[[Array, Array], Array]) -> Array:
-        """Standard deviation of ``predict(θ, ln k)``, see ``uncertainty``."""
-        return self._apply(propagated, predict)
+    def _changes(self, predict: Callable[[Array, Array], tuple[Array, Bool | bool]]) -> Array:
+        """Changes of ``predict(θ, ln k)``, which returns values ``(..., m)`` and whether the robot walks ``(...)``: see
+        ``deviations``."""
+        here, count = np.concatenate([self.point.theta, self.point.ln_k]), len(self.point.theta)
 
-    def _apply(
-        self, what: Callable[[Callable[[Array], Array], Array, Array], T], predict: Callable[[Array, Array], Array]
-    ) -> T:
-        """``what`` (of ``uncertainty``) applied to a prediction from θ, clipped to its bounds, and ln k."""
-        low, high = bounds(self.problem)
-        count = len(low)
+        def at(unknowns: Array) -> tuple[Array, Bool | bool]:
+            return predict(unknowns[:count], unknowns[count:])
 
-        def inside(unknowns: Array) -> Array:
-            return predict(np.clip(unknowns[:count], low, high), unknowns[count:])
+        expected, _ = at(here)
+        if self.sample is None:
+            changes = [change(at, here, *step) for step in self._steps]
+        else:
+            changes = [(at(point)[0] - expected) / np.sqrt(len(self.sample)) for point in self.sample]
+        return np.array(changes).reshape(-1, *expected.shape)
 
-        return what(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
+    @cached_property
+    def _steps(self) -> list[tuple[Array, tuple[float, float], tuple[float, float]]]:
+        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and how far, back
+        and ahead, they may be followed within bounds (``uncertainty.change``): in a curved valley as long as the
+        deviance rises about as a parabola would, and to a switch as long as no more than a low cliff is on the way.
+        """
+        if not len(steps := principal_steps(self.covariance)):
+            return []
+        both, (low, high) = np.concatenate([-steps, steps]), bounds(self.problem)
+        theta, here = both[:, : len(low)], self.point.theta
+        moving = np.where(theta == 0.0, 1.0, theta)
+        room = np.where(theta == 0.0, 1.0, (np.where(theta > 0.0, high, low) - here) / moving)
+        parts = np.clip(room.min(axis=1, initial=1.0), 0.0, 1.0)[:, None] * PARTS
+        rise = self._rise(parts[..., None] * both[:, None])
+        parabola = parts**2 * np.sum((self._jacobian[:, : both.shape[1]] @ both.T) ** 2, axis=0)[:, None]
+        near, far = (
+            np.where(rise <= most, parts, parts[:, -1:]).max(axis=1).reshape(2, -1).T.tolist()
+            for most in (TOO_STEEP * parabola, parabola + CLIFF)
+        )
+        return list(zip(steps, near, far, strict=True))
+
+    def _rise(self, away: Array) -> Array:
+        """Rise of the deviance ``(...)`` where θ and ln k differ from the fit by ``away (..., unknowns)``."""
+        theta, ln_k = np.split(away.reshape(-1, away.shape[-1]), [len(self.point.theta)], axis=1)
+        state, rows = self.state, np.zeros(len(theta), dtype=np.int64)
+        at = self.point.theta + theta, self.point.ln_k + ln_k, state.slope[rows], self.problem.shared(state)
+        return np.asarray(self.problem.states(*at).deviance - state.deviance).reshape(away.shape[:-1])
+
+    @cached_property
+    def _jacobian(self) -> Array:
+        return np.asarray(full_jacobian(self.problem, self.state)[0])
+
+    def _observables(
+        self, theta: Array, ln_k: Array, phi: Array, omega: Array, clock: Clock | None
+    ) -> tuple[Array, Bool | bool]:
+        found = self._predict(theta, ln_k, phi, omega, clock)
+        return found.observables, found.walking
 
     def _predict(self, theta: Array, ln_k: Array, phi: Array, omega: Array, clock: Clock | None) -> Prediction:
         k = np.exp(ln_k)
@@ -227,6 +274,10 @@ class Fitted:
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), np.shape(clock.slow_ratio))
         found = predicted(self.model.walker, inputs, params, curve)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
+
+
+def _sd(changes: Array) -> Array:
+    return np.asarray(np.sqrt(np.sum(changes**2, axis=0)))
 
 
 def _conditions(phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> tuple[Array, Array]:

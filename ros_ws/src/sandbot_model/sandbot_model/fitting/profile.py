@@ -68,11 +68,7 @@ def _at_lowest(fit: Fit, states: States) -> Fit:
 
 def determined(fit: Fit) -> list[int]:
     """Indices in θ of the effects' parameters, and of Δt and v_swim where the data determine them."""
-    return [
-        at
-        for at, name in enumerate(fit.model.names)
-        if name not in fit.model.held and ("." in name or fit.stderr[at] > 0)
-    ]
+    return [at for at, name in enumerate(fit.model.names) if name not in fit.model.held and fit.determines(name)]
 
 
 def _scale(fit: Fit, index: int) -> float:

@@ -44,9 +44,9 @@ STRAY = 5.0
 SEED = 1
 
 
-def moments(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -> Array:
-    """Second moments ``(n, n)`` about a state (one row) of the n unknowns of θ and ln k that are ``free (parameters +
-    levels,)``.
+def posterior_points(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -> Array:
+    """Posterior points ``(points, n)``, relative to a state (one row), of the n unknowns of θ and ln k that are ``free
+    (parameters + levels,)``.
 
     ``along`` are the parameters, by index in θ, along which the deviance is not parabolic.
     """
@@ -58,8 +58,12 @@ def moments(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -
     members = sampler.run_mcmc(members, BURN_IN, skip_initial_state_check=True)
     sampler.reset()
     sampler.run_mcmc(members, STEPS, skip_initial_state_check=True)
-    away = (sampler.get_chain(flat=True) - ensemble.here)[:, : np.count_nonzero(free)]
-    return np.asarray(away.T @ away / len(away))
+    return np.asarray((sampler.get_chain(flat=True) - ensemble.here)[:, : np.count_nonzero(free)])
+
+
+def moments(points: Array) -> Array:
+    """Second moments ``(n, n)`` of such points about the state."""
+    return np.asarray(points.T @ points / len(points))
 
 
 def _single_cell_offsets_marginalised(problem: Problem, begin: States) -> tuple[Problem, States]:

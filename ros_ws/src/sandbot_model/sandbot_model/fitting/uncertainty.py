@@ -1,10 +1,11 @@
 """Standard errors of a fit's unknowns, and their propagation to predictions."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Bool
 
 DETERMINED = 1e-12
 """Least curvature of the deviance along an unknown for it to count as determined by the data."""
@@ -25,22 +26,35 @@ def covariance_of(normal: Array) -> Array:
     return np.asarray(covariance)
 
 
-def propagated(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> Array:
-    """Standard deviation of ``predict(unknowns (n,))`` for unknowns of this covariance ``(n, n)``: the root sum of
-    squares of ``deviations``."""
-    return np.asarray(np.sqrt(sum((change**2 for change in deviations(predict, unknowns, covariance)), np.zeros(()))))
+def principal_steps(covariance: Array) -> Array:
+    """Steps ``(m, n)`` of one standard deviation along the principal axes of a covariance ``(n, n)`` of unknowns; axes
+    without variance are left out."""
+    # What is held may not move even by a rounding error.
+    free = np.diag(covariance) > 0.0
+    variance, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
+    steps = np.zeros((len(variance), len(covariance)))
+    steps[:, free] = np.sqrt(np.maximum(variance, 0.0))[:, None] * axes.T
+    return steps[variance > 0.0]
 
 
-def deviations(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> list[Array]:
-    """Change of the prediction for one standard deviation along each principal axis of the covariance.
+def change(
+    predict: Callable[[Array], tuple[Array, Bool | bool]],
+    unknowns: Array,
+    step: Array,
+    near: tuple[float, float],
+    far: tuple[float, float],
+) -> Array:
+    """Change of the prediction for one step from ``unknowns (n,)``.
 
-    (y_i+ - y_i-)/2, from predictions to either side: unlike a derivative, it shows a switch within one standard
-    deviation. Axes without variance are left out.
+    ``predict`` returns values ``(..., m)`` and whether the robot walks ``(...)``. ``near`` are the parts of the step,
+    back and ahead, from which the change is extrapolated. Where the robot walks at only one of the parts ``far``, it is
+    half the change between them: unlike a derivative, it shows a switch.
     """
-    variance, axes = np.linalg.eigh(covariance)
-    sides = [
-        [predict(unknowns + sign * size * axis) for sign in (-1.0, 1.0)]
-        for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True)
-        if size > 0.0
-    ]
-    return [np.asarray(0.5 * (high - low)) for low, high in sides]
+
+    @cache
+    def at(part: float) -> tuple[Array, Bool | bool]:
+        return predict(unknowns + part * step)
+
+    smooth = (at(near[1])[0] - at(-near[0])[0]) / max(sum(near), np.finfo(float).tiny)
+    (low, swims), (high, walks) = at(-far[0]), at(far[1])
+    return np.where(np.asarray(swims != walks)[..., None], 0.5 * (high - low), smooth)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.verdict import doubtful_parameters, leaves_nothing, passes, with_plausible_ranges
+from sandbot_model.discovery.verdict import leaves_nothing, only_with
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, to_error
@@ -52,8 +52,9 @@ def of_comparison(steps: Sequence[Fit]) -> str:
     if not math.isfinite(last.lack_of_fit_p):
         why = "can't be tested: replicates, or more conditions, are needed"
         return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
-    judgement = _explains(last) if leaves_nothing(last) else _fails(last)
-    head = styled(filled(f"{last.name} {judgement}"), "good" if passes(last) else "open")
+    fits = leaves_nothing(last)
+    judgement = _explains(last) if fits else _fails(last)
+    head = styled(filled(f"{last.name} {judgement}"), "good" if fits and not only_with(last) else "open")
     named = [line for name in last.effects for line in _in_words(name, last)]
     return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
 
@@ -61,9 +62,9 @@ def of_comparison(steps: Sequence[Fit]) -> str:
 def _explains(fit: Fit) -> str:
     """That pure error leaves nothing to explain, and which implausible parameter values that takes, if any."""
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
-    if not (implausible := doubtful_parameters(fit)):
-        return f"holds: {fit.cells.pure_error_from} leave nothing to explain ({p})"
-    return f"explains the data ({p}), but only with {' and '.join(with_plausible_ranges(fit, implausible))}"
+    if only := only_with(fit):
+        return f"explains the data ({p}), but {only}"
+    return f"holds: {fit.cells.pure_error_from} leave nothing to explain ({p})"
 
 
 def _fails(fit: Fit) -> str:
