@@ -1,6 +1,7 @@
 import contextlib
 import csv
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -264,9 +265,10 @@ def test_numbers_with_a_comma_and_with_a_point_are_refused_together(tmp_path, si
 
 @given(
     table=st.lists(
-        # Remarks with a letter: the reader rightly takes ",1" for a number.
+        # Remarks with a letter: the reader rightly takes ",1" for a number, and refuses 1.625 alone, which may be 1625.
         st.tuples(
-            st.floats(-1e3, 1e3), st.just("") | st.text('abc;,\t"\n .1', max_size=6).map("{}a".format).map(str.strip)
+            st.floats(-1e3, 1e3).filter(lambda number: not re.fullmatch(r"-?[1-9]\d{0,2}\.\d{3}", str(number))),
+            st.just("") | st.text('abc;,\t"\n .1', max_size=6).map("{}a".format).map(str.strip),
         ),
         min_size=1,
         max_size=4,
