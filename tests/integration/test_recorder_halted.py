@@ -11,7 +11,8 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import node, topics
 from sandbot_record.bags.reader import Bag
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+# Each is a case of "nobody records", of which tests/faults/test_matrix.py samples two.
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
 NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
 WALK_S = 30.0
 """A trial so long that no busy machine ends it before it is stopped."""
@@ -21,10 +22,7 @@ WALK_S = 30.0
     ("service", "kind", "request_", "said"),
     [
         ("/recorder/pause", SetBool, SetBool.Request(data=True), "the recorder paused: nothing is recorded"),
-        pytest.param(
-            *("/recorder/stop", Trigger, Trigger.Request(), "the recorder stopped: nothing is recorded"),
-            marks=pytest.mark.whole,
-        ),
+        ("/recorder/stop", Trigger, Trigger.Request(), "the recorder stopped: nothing is recorded"),
     ],
 )
 def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, start, plan_of_one, beside):
@@ -65,7 +63,6 @@ raise SystemExit(main(sys.argv[1:]))
 """A campaign whose recorder listens to a topic on which nobody speaks."""
 
 
-@pytest.mark.whole
 def test_nobody_walks_for_a_recorder_that_hears_nobody(tmp_path, start, plan_of_one, beside):
     stages = []
     node.subscription(
