@@ -37,6 +37,7 @@ def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):
     assert (row["bag"], row["left running"]) == ("whole", "nothing")
 
 
+@pytest.mark.whole
 def test_a_full_disk_stops_the_legs_and_says_why(tmp_path):
     row = row_of(("recorder", "full disk", "walking"), tmp_path / "rows.jsonl")
     assert float(row["legs [s]"]) <= BUSY_S

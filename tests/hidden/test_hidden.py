@@ -97,7 +97,7 @@ def test_what_looks_alike_is_named_as_a_class():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.whole)])
 def test_a_null_world_is_adequate(seed):
     assert said_of("null", seed=seed, phi=PHI[::2]).status == "adequate"
 

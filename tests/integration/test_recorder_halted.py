@@ -11,7 +11,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import node, topics
 from sandbot_record.bags.reader import Bag
 
-# Each is a case of "nobody records", of which tests/faults/test_matrix.py samples two.
+# Each is a case of "nobody records", of which tests/faults/test_matrix.py samples one.
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
 NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
 WALK_S = 30.0

@@ -117,10 +117,10 @@ def doomed():
 def test_a_worker_killed_midway_changes_no_byte(drawn):
     trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
     with doomed() as (fit_all, killed):
-        harmed = bootstrap(trials, model, 16, fit_all=fit_all)
+        harmed = bootstrap(trials, model, 6, fit_all=fit_all)
         assert killed
-        unharmed = bootstrap(trials, model, 16, fit_all=fit_all)
-    assert json.dumps(harmed) == json.dumps(unharmed) == json.dumps(bootstrap(trials, model, 16))
+        unharmed = bootstrap(trials, model, 6, fit_all=fit_all)
+    assert json.dumps(harmed) == json.dumps(unharmed) == json.dumps(bootstrap(trials, model, 6))
 
 
 @pytest.mark.slow
