@@ -323,6 +323,9 @@ def test_a_candidate_that_is_not_named_for_its_values_is_marked(two, monkeypatch
     (section,) = table_sections.candidates(found)
     assert [row[0] for row in section.tables[0].rows if "*" in row[0]] == ["cable drag *"]
     assert "so not named: cable drag with delta_t_s = 0." in section.tables[0].caption
+    # Control: one that fails is not named for that.
+    failing = [replace(one, goodness=replace(one.goodness, lack_of_fit_p=1e-9)) for one in found.fits]
+    assert "*" not in tables.candidates(replace(found, fits=tuple(failing)), 5)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.discovery.verdict import Sets, doubtful_values
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.verdict import Sets, doubtful_values, leaves_nothing
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
@@ -35,11 +36,12 @@ def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
     return sorted(found, key=lambda candidate: candidate.delta_bic)
 
 
-def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit]) -> dict[str, str]:
-    """Of the single effects that lower the BIC but can't be named, effect → the implausible values at which it fits."""
-    alone = {fit.effects: fit for fit in fits}
-    lower = [fit for one in found if one.delta_bic < 0 and (fit := alone.get((one.effect,)))]
-    return {fit.effects[0]: values for fit in lower if (values := doubtful_values(fit))}
+def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit], criteria: Criteria) -> dict[str, str]:
+    """Of the single effects that lower the BIC and leave no lack of fit but can't be named, effect → the implausible
+    values at which they do."""
+    helpful = {(one.effect,) for one in found if one.delta_bic < 0}
+    suffice = [fit for fit in fits if fit.effects in helpful and leaves_nothing(fit, criteria)]
+    return {fit.effects[0]: values for fit in suffice if (values := doubtful_values(fit))}
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

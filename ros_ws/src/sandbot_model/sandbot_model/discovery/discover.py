@@ -107,8 +107,8 @@ class Discovery:
 
     @property
     def only_implausible(self) -> dict[str, str]:
-        """Single effects that lower the BIC and are not named, as they fit only with the values given, in words."""
-        found = only_implausible(self.candidates, self.fits)
+        """Single effects that are not named, as they leave no lack of fit only with the values given, in words."""
+        found = only_implausible(self.candidates, self.fits, self.criteria)
         return {name: values for name, values in found.items() if (name,) not in self.verdict.alternatives}
 
     def to_dict(self) -> dict[str, Any]:
