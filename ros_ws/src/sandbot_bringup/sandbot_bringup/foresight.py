@@ -40,8 +40,9 @@ def in_words(found: Gaps) -> list[str]:
     ]
 
 
-def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str]) -> str:
-    """The prediction in one sentence, for the ground of Li09 and the usual scatter according to cameras.yaml."""
+def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str], lost: Gaps) -> str:
+    """The prediction in one sentence, for the ground of Li09 and the usual scatter according to cameras.yaml; ``lost``
+    is not measured."""
     from sandbot_model.discovery import power
     from sandbot_model.discovery.effect_search import EffectSearch
     from sandbot_model.physics.catalogue import catalogue
@@ -49,7 +50,7 @@ def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, st
     from sandbot_record.trials.setting import accuracy_of
     from sandbot_record.trials.table import Row, from_rows
 
-    cameras, lost = parse_yaml(files["cameras.yaml"], "cameras.yaml"), gaps(plan, trials, files)
+    cameras = parse_yaml(files["cameras.yaml"], "cameras.yaml")
     columns: dict[str, Any] = {observable.column: 0.0 for observable in Observable}
     rows = [
         Row(

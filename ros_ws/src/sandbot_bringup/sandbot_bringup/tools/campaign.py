@@ -52,10 +52,10 @@ def command(argv: Sequence[str]) -> int:
     folder.check(plan)
     check_bed(plan, live=not options.batch)
     world = _lab(plan, folder, files, options) if options.batch else None
-    for gap in in_words(gaps(plan, trials, files)):
+    for gap in in_words(lost := gaps(plan, trials, files)):
         print(f"note: {gap}; raise periods or min_duration_s")
     if options.dry_run:
-        print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
+        print(describe(plan, trials), filled(foresight(plan, trials, files, lost)), sep="\n")
         return 0
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:

@@ -91,12 +91,7 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
 
 def tangent_basis(problem: Problem, states: States) -> Array:
     """Orthonormal columns ``(values, rank)`` that span the residuals a fit's unknowns can absorb."""
-    return spanned(full_jacobian(problem, states)[0])
-
-
-def spanned(jacobian: Array) -> Array:
-    """Orthonormal columns ``(n, rank)`` of the space that the columns of ``jacobian (n, p)`` span."""
-    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
     return np.asarray(basis[:, singular > 1e-9 * singular[0]])
 
 
