@@ -8,8 +8,7 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.goodness import LACK_OF_FIT
-from sandbot_model.fitting.text import UNDETERMINED, to_error, with_error
+from sandbot_model.fitting.text import LACK_OF_FIT, UNDETERMINED, to_error, with_error
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of

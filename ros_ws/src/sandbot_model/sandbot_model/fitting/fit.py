@@ -18,6 +18,7 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
 from sandbot_model.fitting.text import (
+    LACK_OF_FIT,
     UNDETERMINED,
     WIDTH,
     cm_s,
@@ -55,7 +56,7 @@ class Fit(Fitted):
     @property
     def misfits(self) -> bool:
         """Whether the model shows lack of fit: its standard errors then have no meaning."""
-        return self.lack_of_fit_p < goodness.LACK_OF_FIT
+        return self.lack_of_fit_p < LACK_OF_FIT
 
     @property
     def out_of_sample(self) -> str:

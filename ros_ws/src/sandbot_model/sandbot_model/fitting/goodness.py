@@ -19,8 +19,6 @@ from sandbot_model.physics.observables import NAMES
 
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
-LACK_OF_FIT = 5e-3
-"""p-value of the joint test below which a model is rejected, and its parameters are given without standard errors."""
 AT_BOUND = 1e-3
 PLAUSIBLE_SIGMAS, FAR_OUT = 3.0, 0.25
 
