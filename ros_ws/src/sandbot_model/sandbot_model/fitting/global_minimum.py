@@ -303,8 +303,9 @@ def nearby_state(problem: Problem, starts_at: Sequence[WarmStart], hopeless: flo
 
 def _descended(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float = np.inf) -> States:
     """The best end of short descents from the fits of smaller models. One row."""
-    theta = np.concatenate([_warm_starts(problem.model, near) for near in starts_at])
-    ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), len(theta) // len(starts_at), axis=0)
+    thetas = [_warm_starts(problem.model, near) for near in starts_at]
+    theta = np.concatenate(thetas)
+    ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), [len(rows) for rows in thetas], axis=0)
     low, high = bounds(problem)
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
@@ -342,11 +343,14 @@ def _slopes(problem: Problem, ln_k: Array) -> Array:
 
 
 def _warm_starts(model: Model, near: WarmStart) -> Array:
-    """Starts at the fit of the smaller model, new parameters at their start, neutral, mild and strong values."""
+    """Starts at the fit of the smaller model, new parameters at their start, neutral, mild and strong values; one start
+    if none is new."""
     starts_at = np.array([parameter.start for parameter in model.parameters])
     for index, name in enumerate(model.names):
         if name in near.parameters:
             starts_at[index] = near.parameters[name]
+    if near.parameters.keys() >= set(model.names):
+        return starts_at[None]
     none, mild, strong = starts_at.copy(), starts_at.copy(), starts_at.copy()
     for index, (name, parameter) in enumerate(zip(model.names, model.parameters, strict=True)):
         if name not in near.parameters:
