@@ -14,9 +14,10 @@ import numpy as np
 import rclpy
 from sensor_msgs.msg import Image
 
-from sandbot_bringup import nodes
-from sandbot_common import messages, node, topics
+from sandbot_bringup import node_table
+from sandbot_common import messages, topics
 from sandbot_common.files import read_yaml
+from sandbot_common.ros import node
 from sandbot_lab.cameras import LabCamera
 
 PICTURES, SPEED_M_S, LIFT_M, SEEN_S = 100, 0.2, 0.025, 2.0
@@ -44,7 +45,7 @@ def now_ns(me: Any) -> int:
 
 def driver(me: Any, camera: str, rate_hz: float) -> Callable[[], None]:
     """Sends the next picture of a robot that moves to and fro, once somebody has listened for a while."""
-    section = read_yaml(nodes.table_path().parent / "cameras.yaml")[camera]
+    section = read_yaml(node_table.table_path().parent / "cameras.yaml")[camera]
     view = LabCamera(camera, section, seed=3)
     pictures = [view.render(0.3 + SPEED_M_S * n / rate_hz, LIFT_M) for n in range(PICTURES)]
     coming: Iterator[Any] = cycle(pictures + pictures[::-1])

@@ -146,7 +146,7 @@ def publish(rate: float, seconds: float) -> None:
     import rclpy
     from rclpy.qos import QoSProfile
 
-    from sandbot_common.node import use_shared_memory
+    from sandbot_common.ros.node import use_shared_memory
 
     use_shared_memory(frames=True)
     rclpy.init()

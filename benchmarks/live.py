@@ -21,7 +21,7 @@ sys.path.insert(0, str(HERE.parent / "tests" / "faults"))
 from matrix import BED, Cell, run_main  # noqa: E402  (their folder is no package)
 
 from conftest import own_domain  # noqa: E402
-from sandbot_bringup import nodes  # noqa: E402
+from sandbot_bringup import node_table  # noqa: E402
 from sandbot_common import topics  # noqa: E402
 from sandbot_record.bags.reader import FIELD_STAMP, Bag  # noqa: E402
 
@@ -108,7 +108,7 @@ def delays_ms(hears: str, *sends: str) -> NDArray[np.float64]:
 
 def cameras_of_this() -> dict[str, Any]:
     """The virtual lab's cameras at this benchmark's rate."""
-    cameras: dict[str, Any] = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
+    cameras: dict[str, Any] = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
     for name in topics.VIEWS:
         cameras[name]["frame_rate_hz"] = RATE_HZ
     return cameras

@@ -15,7 +15,7 @@ from pathlib import Path
 import yaml
 from selenium.webdriver.support.ui import WebDriverWait
 
-from sandbot_bringup.nodes import table_path
+from sandbot_bringup.node_table import table_path
 from screenshots import OUT, PATIENCE_S, chromium, look, save
 
 SIZE, FRAME_RATE_HZ = (1400, 1350), 25.0

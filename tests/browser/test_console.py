@@ -19,8 +19,9 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from sandbot_bringup.journal import read_journal
-from sandbot_bringup.nodes import table_path
-from sandbot_common import messages, node, topics
+from sandbot_bringup.node_table import table_path
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 
 pytestmark = [pytest.mark.browser, pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(600)]
 

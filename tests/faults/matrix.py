@@ -31,19 +31,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 import cells
 
 from conftest import Beside, own_domain
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.process import real_time
+from sandbot_common.ros import node
 from sandbot_record.bags.reader import Bag
 
 BED = {"fluidise_s": 1.5, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
 PLAN = {"name": "one", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [8.0], "replicates": 1,
         "periods": 6.0, "standing_s": 1.0, "bed": BED}  # fmt: skip
 NODES = {
-    "clock": "sandbot_clock.clock_node",
-    "bed": "sandbot_bed.bed_node",
-    "lab": "sandbot_lab.lab_node",
-    "tracker": "sandbot_tracking.tracker_node",
+    "clock": "sandbot_clock.nodes.clock_node",
+    "bed": "sandbot_bed.nodes.bed_node",
+    "lab": "sandbot_lab.nodes.lab_node",
+    "tracker": "sandbot_tracking.nodes.tracker_node",
 }
 TARGETS = (*NODES, "recorder", "campaign", "launch")
 SIGNALS = {"KILL": signal.SIGKILL, "TERM": signal.SIGTERM, "HUP": signal.SIGHUP, "INT": signal.SIGINT}

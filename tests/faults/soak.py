@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from matrix import BED, Cell, run_main
 
 from conftest import own_domain
-from sandbot_bringup import nodes
+from sandbot_bringup import node_table
 from sandbot_bringup.journal import read_journal
 from sandbot_bringup.plan import Plan, read_plan
 from sandbot_clock.gait import leg_angles
@@ -214,7 +214,7 @@ def cell_names(cell: Cell) -> dict[str, int]:
 
 def run(minutes: float, folder: Path) -> dict[str, object]:
     """Let the trackway run; the samples, and what the journal and the bags say."""
-    cameras = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
+    cameras = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
         cameras[name]["frame_rate_hz"] = RATE_HZ
     (folder / "cameras.yaml").write_text(yaml.safe_dump(cameras))

@@ -37,7 +37,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Range
 from sandbot_common import messages, topics
-from sandbot_common.node import publisher, use_shared_memory
+from sandbot_common.ros.node import publisher, use_shared_memory
 use_shared_memory(frames=True)
 rclpy.init()
 node = Node("source")

@@ -11,7 +11,8 @@ import sys
 import pytest
 from processes import ending, running
 
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
 
@@ -28,7 +29,7 @@ BED = (
 def serial_bed(folder):
     """A bed on a serial line and its driver; yields the simulated device's process."""
     device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(folder)]
-    driver = running("sandbot_hardware.serial_bed_node", f"device:={folder / 'bed'}", "air_lease_s:=2.0")
+    driver = running("sandbot_hardware.nodes.serial_bed_node", f"device:={folder / 'bed'}", "air_lease_s:=2.0")
     with ending(subprocess.Popen(device, stdin=subprocess.PIPE, text=True)) as simulated, driver:
         yield simulated
 
@@ -38,7 +39,7 @@ def driver(request, domain, tmp_path):
     """Who drives the blower, by name."""
     with contextlib.ExitStack() as stack:
         if request.param == "lab":
-            stack.enter_context(running("sandbot_lab.lab_node", "images:=false", "air_lease_s:=2.0"))
+            stack.enter_context(running("sandbot_lab.nodes.lab_node", "images:=false", "air_lease_s:=2.0"))
         else:
             stack.enter_context(serial_bed(tmp_path / "dev"))
         yield request.param
@@ -83,7 +84,7 @@ def heard(beside):
 
 @pytest.mark.whole  # the next one has the other cause
 def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, heard):
-    with running("sandbot_bed.bed_node", *BED) as bed:
+    with running("sandbot_bed.nodes.bed_node", *BED) as bed:
         heard.prepare(driver)
         bed.send_signal(signal.SIGSTOP)
         heard.beside.until(lambda: not heard.driven(driver))
@@ -97,7 +98,7 @@ def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, heard):
 
 def test_a_cable_that_was_out_for_a_moment_ends_the_air(heard, tmp_path):
     """Its controller may have turned the air off meanwhile: the next level would turn it on again."""
-    with serial_bed(tmp_path / "dev") as simulated, running("sandbot_bed.bed_node", *BED):
+    with serial_bed(tmp_path / "dev") as simulated, running("sandbot_bed.nodes.bed_node", *BED):
         heard.prepare("serial_bed")
         simulated.stdin.write("pull bed\nplug bed\n")
         simulated.stdin.flush()

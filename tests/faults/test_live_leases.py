@@ -20,7 +20,8 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from starved import starved_ns
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -157,7 +158,7 @@ def stand_in(beside):
 
 
 def test_the_clock_stops_by_itself_and_says_why(commander, beside):
-    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+    with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}") as clock:
         # By hand: nobody holds the lease, no robot is there; the run has an end all the same.
         answer = beside.call("/clock/start")
         assert "30 s at most" in answer.message
@@ -191,7 +192,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
 
 @pytest.mark.parametrize(("number", "why"), [(signal.SIGKILL, "gone"), (signal.SIGSTOP, "frozen")])
 def test_whose_commander_is_gone_stops_though_the_lease_be_renewed(number, why, commander, beside, stand_in):
-    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}"):
+    with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}"):
         commander.command()
         holder = stand_in("beside")  # as the lease names its holder
         commander.walk()
@@ -202,7 +203,7 @@ def test_whose_commander_is_gone_stops_though_the_lease_be_renewed(number, why, 
 
 
 def test_a_lease_is_renewed_by_its_owner_alone(commander, beside):
-    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+    with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}") as clock:
         commander.command()
         commander.walk()
         another = node.publisher(beside.node, topics.OPERATOR_LEASE)
@@ -221,7 +222,8 @@ def test_a_lease_is_renewed_by_its_owner_alone(commander, beside):
 HOLDER = """
 import sys
 import rclpy
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 
 rclpy.init()
 one = rclpy.create_node(sys.argv[1])
@@ -253,7 +255,7 @@ def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside
         told.clear()
         beside.until(lambda: name in told and any(one.frame_id == name for one in heard))
 
-    with running("sandbot_clock.clock_node", "lease_s:=1.0", "late_s:=0.25"):
+    with running("sandbot_clock.nodes.clock_node", "lease_s:=1.0", "late_s:=0.25"):
         with holding("campaign") as first:
             appear("campaign")
             beside.until(lambda: beside.call("/clock/start").success)  # once the clock has heard of him as well
@@ -282,7 +284,7 @@ def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside
 
 
 def test_a_run_by_hand_ends_by_itself(commander, beside):
-    with running("sandbot_clock.clock_node", "max_run_s:=1.0") as clock:
+    with running("sandbot_clock.nodes.clock_node", "max_run_s:=1.0") as clock:
         busy = Busy(clock)
         commander.walk()
         rest_ns = commander.stopped("max_run_s")
@@ -292,7 +294,7 @@ def test_a_run_by_hand_ends_by_itself(commander, beside):
 
 HELD_UP = """
 import sys, time
-from sandbot_clock import clock_node
+from sandbot_clock.nodes import clock_node
 
 class Clock(clock_node.ClockNode):
     def __init__(self):
@@ -328,7 +330,7 @@ def test_a_clock_that_is_held_up_while_it_sends_stops(commander):
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
 def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
-    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}", "late_s:=0.25") as clock:
+    with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}", "late_s:=0.25") as clock:
         commander.walk()
         sent_ns = time.time_ns()
         said, code = ended(clock, number)
@@ -338,7 +340,7 @@ def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
         assert not any("Traceback" in line for line in said)
 
 
-@pytest.mark.parametrize("module", ["sandbot_tracking.tracker_parameters", "sandbot_hardware.serial_legs_node"])
+@pytest.mark.parametrize("module", ["sandbot_tracking.tracker_parameters", "sandbot_hardware.nodes.serial_legs_node"])
 def test_whose_figures_tell_his_health_says_that_he_ends_all_the_same(module, beside):
     told = []
     node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
@@ -349,9 +351,9 @@ def test_whose_figures_tell_his_health_says_that_he_ends_all_the_same(module, be
 
 
 def test_one_clock_at_a_time(commander, beside):
-    with running("sandbot_clock.clock_node") as clock:
+    with running("sandbot_clock.nodes.clock_node") as clock:
         beside.until(lambda: "clock" in commander.told)
-        with running("sandbot_clock.clock_node") as second:
+        with running("sandbot_clock.nodes.clock_node") as second:
             _, said = second.communicate(timeout=60)
             assert second.returncode == 2
             assert said.count("\n") == 1
@@ -366,7 +368,7 @@ def test_one_clock_at_a_time(commander, beside):
         clock.kill()
         # A killed clock is still in the graph for a while, but says nothing any more: the next one stays.
         commander.told.clear()
-        with running("sandbot_clock.clock_node") as third:
+        with running("sandbot_clock.nodes.clock_node") as third:
             beside.until(lambda: "clock" in commander.told)
             beside.wait(lambda: third.poll() is not None, 1.5)
             assert third.poll() is None
@@ -398,7 +400,7 @@ class Driver:
 
 def test_dds_tells_a_driver_that_asks_when_set_points_stay_away(beside, commander):
     patient, hasty = Driver(beside, topics.LEG_SETPOINTS.deadline_s), Driver(beside, 0.1)
-    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}", "lease_s:=1.0") as clock:
+    with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}", "lease_s:=1.0") as clock:
         commander.command()
         commander.walk()
         beside.until(lambda: patient.heard and patient.alive[-1:] == [1])
@@ -413,7 +415,8 @@ def test_dds_tells_a_driver_that_asks_when_set_points_stay_away(beside, commande
 ENGAGED = """
 import sys, time
 from rclpy.node import Node
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 
 class Engaged(Node):
     def __init__(self):
@@ -473,7 +476,7 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
     def blows(level):
         return any(value.key == "blower" and value.value == level for value in told[-1].values)
 
-    with running("sandbot_lab.lab_node", "images:=false") as lab:
+    with running("sandbot_lab.nodes.lab_node", "images:=false") as lab:
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
         walking = beside.node.create_timer(0.02, command)
         beside.until(lambda: len(states) > 30 and any(states[-1].velocity))
@@ -519,7 +522,7 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
             send(0.0)  # first of all; and a busy machine has sent these late, and nothing goes on by itself
         send()
 
-    with running("sandbot_lab.lab_node", "images:=false") as lab:
+    with running("sandbot_lab.nodes.lab_node", "images:=false") as lab:
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
         timer = beside.node.create_timer(0.02, walk)
         beside.until(lambda: len(states) > 30)
@@ -562,7 +565,7 @@ def test_the_lab_obeys_nobody_who_is_gone_though_his_commands_go_on(beside, stan
     def blows():
         return {pair.key: pair.value for pair in told["lab"].values}["blower"] == "1.0"
 
-    with running("sandbot_lab.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=2.0"):
+    with running("sandbot_lab.nodes.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=2.0"):
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and "lab" in told)
         clock, bed = stand_in("clock"), stand_in("bed")
         command()  # told rest before they move
@@ -634,7 +637,7 @@ class Bed:
 
 def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
     bed = Bed(beside)
-    with running("sandbot_bed.bed_node") as process:
+    with running("sandbot_bed.nodes.bed_node") as process:
         bed.commander.command()
 
         def falls_silent():
@@ -656,7 +659,7 @@ def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
 
         bed.fails("held up", freezes)
 
-        with running("sandbot_bed.bed_node") as second:
+        with running("sandbot_bed.nodes.bed_node") as second:
             _, said = second.communicate(timeout=60)
             assert second.returncode == 2
             assert "another bed is running already" in said

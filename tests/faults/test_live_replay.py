@@ -6,7 +6,8 @@ import sys
 import pytest
 from processes import ending, running
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 from sandbot_common.serialization import to_cdr
 from sandbot_record.bags.writer import BagWriter
 
@@ -91,7 +92,7 @@ def test_what_a_bag_says_of_a_clock_is_no_second_one(beside):
         beside.node, topics.DIAGNOSTICS, lambda message: told.extend(s for s in message.status if s.name == "clock")
     )
     bag = node.publisher(beside.node, topics.DIAGNOSTICS)
-    with running("sandbot_clock.clock_node") as clock:
+    with running("sandbot_clock.nodes.clock_node") as clock:
         beside.until(lambda: told and bag.get_subscription_count() > 1)
         recorded = messages.diagnostics(1, "clock", {"since_ns": 1, "process": "elsewhere/1 5 6"})
         for _ in range(5):

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 
 pytestmark = [
     pytest.mark.ros,
@@ -137,7 +138,7 @@ def stops_when_silent(commander, run):
 
 @pytest.mark.parametrize("step_s", STEPS)
 def test_the_lab_stops_legs_and_air_whose_commander_is_silent(step_s, run, commander, beside, stops_when_silent):
-    with run("sandbot_lab.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=1.0"):
+    with run("sandbot_lab.nodes.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=1.0"):
         beside.until(lambda: "lab" in commander.told)
         commander.command(topics.LEG_SETPOINTS)
         stops_when_silent(lambda: commander.moves(topics.LEG_STATES), step_s)
@@ -151,7 +152,7 @@ def test_the_lab_stops_legs_and_air_whose_commander_is_silent(step_s, run, comma
 
 @pytest.mark.parametrize("step_s", STEPS)
 def test_the_bed_ends_its_air_without_a_lease(step_s, run, commander, beside, stops_when_silent):
-    with run("sandbot_bed.bed_node", "fluidise_s:=60.0", "lease_s:=1.0"):
+    with run("sandbot_bed.nodes.bed_node", "fluidise_s:=60.0", "lease_s:=1.0"):
         for topic in (topics.OPERATOR_LEASE, topics.BED_HEIGHT):
             commander.command(topic)
         beside.until(lambda: beside.call("/bed/prepare").success)
@@ -160,17 +161,17 @@ def test_the_bed_ends_its_air_without_a_lease(step_s, run, commander, beside, st
 
 @pytest.mark.parametrize("step_s", STEPS)
 def test_the_clock_ends_its_run_without_a_lease(step_s, run, commander, beside, stops_when_silent):
-    with run("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}", "lease_s:=1.0", "late_s:=0.25"):
+    with run("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}", "lease_s:=1.0", "late_s:=0.25"):
         commander.command(topics.OPERATOR_LEASE)
         beside.until(lambda: beside.call("/clock/start").success)
         stops_when_silent(lambda: commander.moves(topics.LEG_SETPOINTS), step_s)
 
 
 def test_the_younger_of_two_clocks_leaves_though_it_thinks_itself_the_elder(run, commander, beside):
-    with run("sandbot_clock.clock_node") as first:
+    with run("sandbot_clock.nodes.clock_node") as first:
         beside.until(lambda: "clock" in commander.told)
         run.set(-STEP_S)
-        with run("sandbot_clock.clock_node") as second:
+        with run("sandbot_clock.nodes.clock_node") as second:
             beside.until(lambda: second.poll() is not None or first.poll() is not None)
             assert second.wait(20) == 2
             assert first.poll() is None
@@ -185,8 +186,8 @@ def test_serial_drivers_stop_what_is_silent(step_s, run, commander, beside, stop
         assert devices.stdout.readline().startswith("devices:")
         given = [f"device:={tmp_path / 'dev' / kind}" for kind in ("legs", "bed")]
         with (
-            run("sandbot_hardware.serial_legs_node", given[0], "legs_lease_s:=1.0"),
-            run("sandbot_hardware.serial_bed_node", given[1], "air_lease_s:=1.0"),
+            run("sandbot_hardware.nodes.serial_legs_node", given[0], "legs_lease_s:=1.0"),
+            run("sandbot_hardware.nodes.serial_bed_node", given[1], "air_lease_s:=1.0"),
         ):
             beside.until(lambda: commander.heard[topics.LEG_STATES] and "serial_bed" in commander.told)
             commander.command(topics.LEG_SETPOINTS)

@@ -9,8 +9,9 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.files import read_yaml
+from sandbot_common.ros import node
 from sandbot_lab.cameras import LabCamera
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]

@@ -10,7 +10,12 @@ from sandbot_bringup.streak import ALIKE
 from sandbot_record.bags.reader import Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
+NODES = (
+    "sandbot_clock.nodes.clock_node",
+    "sandbot_bed.nodes.bed_node",
+    "sandbot_lab.nodes.lab_node",
+    "sandbot_tracking.nodes.tracker_node",
+)
 RARE = {"min_readings": 500, "average_s": 0.2, "pulse_off_s": 0.3, "fluidise_s": 0.7}
 """A bed that needs more heights a second than the lab's sensor gives: 50."""
 WEAK = {"max_pulses": 1, "pulse_off_s": 0.3, "fluidise_s": 0.7, "settle_s": 0.4, "average_s": 0.2}

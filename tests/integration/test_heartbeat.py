@@ -5,7 +5,8 @@ import sys
 import pytest
 from std_srvs.srv import Trigger
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -13,7 +14,7 @@ STUCK = """
 import time
 from rclpy.node import Node
 from std_srvs.srv import Trigger
-from sandbot_common.node import run
+from sandbot_common.ros.node import run
 
 class Stuck(Node):
     def __init__(self):

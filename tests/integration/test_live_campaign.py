@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from sandbot_bringup import batch, nodes, runner
+from sandbot_bringup import batch, node_table, runner
 from sandbot_bringup.plan import read_plan, trials_of
 from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import topics
@@ -45,7 +45,7 @@ def rows(folder):
 @pytest.fixture
 def plan(tmp_path):
     """The plan, and cameras.yaml beside it."""
-    content = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
+    content = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
         content[name]["frame_rate_hz"] = RATE_HZ
     (tmp_path / "cameras.yaml").write_text(yaml.safe_dump(content))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
-from sandbot_bringup import nodes
+from sandbot_bringup import node_table
 from sandbot_model.physics.catalogue import effects_in
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.walking import Inputs, Walker
@@ -151,7 +151,7 @@ def test_launch_files_and_their_arguments_exist():
     assert launches
     for package, file, arguments in launches:
         assert (Path(get_package_share_directory(package)) / "launch" / file).is_file()
-        known = nodes.read_table(nodes.table_path()).arguments
+        known = node_table.read_table(node_table.table_path()).arguments
         assert set(re.findall(r"(\w+):=", arguments)) <= set(known)
 
 

@@ -8,12 +8,18 @@ import pytest
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 from sandbot_record.bags.reader import Bag
 
 # Each is a case of "nobody records", of which tests/faults/test_matrix.py samples one.
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
+NODES = (
+    "sandbot_clock.nodes.clock_node",
+    "sandbot_bed.nodes.bed_node",
+    "sandbot_lab.nodes.lab_node",
+    "sandbot_tracking.nodes.tracker_node",
+)
 WALK_S = 30.0
 """A trial so long that no busy machine ends it before it is stopped."""
 
@@ -52,7 +58,8 @@ def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, 
 DEAF = """
 import sys
 from types import SimpleNamespace
-from sandbot_bringup import campaign_node, recorder_process
+from sandbot_bringup import recorder_process
+from sandbot_bringup.nodes import campaign_node
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.topics import Topic
 

@@ -6,11 +6,17 @@ import sys
 
 import pytest
 
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 
 # Of this, which takes most of a minute, tests/faults/test_live_leases.py has the lease's part.
 pytestmark = [pytest.mark.ros, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
+NODES = (
+    "sandbot_clock.nodes.clock_node",
+    "sandbot_bed.nodes.bed_node",
+    "sandbot_lab.nodes.lab_node",
+    "sandbot_tracking.nodes.tracker_node",
+)
 
 
 def test_it_goes_on_at_once(tmp_path, start, plan_of_one, beside):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from sandbot_bringup import batch, nodes, runner
+from sandbot_bringup import batch, node_table, runner
 from sandbot_bringup.tools.campaign import main as campaign
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
 from sandbot_lab.robot import simulate
 from sandbot_record.bags.reader import Bag
 
@@ -156,7 +157,7 @@ def batch_of(monkeypatch):
 @pytest.fixture
 def slow_cameras(tmp_path):
     """The project's cameras at 50 Hz: two of them simulated, sent and tracked at 100 Hz fill a core."""
-    content = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
+    content = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
         content[name]["frame_rate_hz"] = 50.0
     path = tmp_path / "slow.yaml"

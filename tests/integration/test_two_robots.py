@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.from_bags import row_from_bag
 
@@ -19,7 +20,7 @@ def in_space(space):
 
 def test_one_start_starts_one_clock_and_a_recorder_hears_its_own_robot(tmp_path, start, beside):
     clocks = [
-        start(sys.executable, "-m", "sandbot_clock.clock_node", *in_space(space), "-p", "late_s:=0.25")
+        start(sys.executable, "-m", "sandbot_clock.nodes.clock_node", *in_space(space), "-p", "late_s:=0.25")
         for space in ROBOTS
     ]
     heard = {space: [] for space in ROBOTS}

@@ -28,7 +28,7 @@ def names(path):
 RESERVED = names(Path(rclpy.node.__file__)) | set(dir(rclpy.node.Node))
 
 
-@pytest.mark.parametrize("path", sorted(SOURCE.glob("*/*/*_node.py")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(SOURCE.glob("*/*/nodes/*_node.py")), ids=lambda path: path.stem)
 def test_no_attribute_of_ros_is_overwritten(path):
     assert not names(path) & RESERVED
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from ros2cli_fallback.cover import Failure, NotCovered, Parser
 from ros2cli_fallback.packages import executable
 from ros2cli_fallback.processes import Group, Process, run_until_signalled
-from sandbot_bringup import nodes
+from sandbot_bringup import node_table
 from sandbot_common.errors import InputError
 
 
@@ -18,11 +18,13 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("launch_file_name", help="trackway.launch.py")
     parser.add_argument("launch_arguments", nargs="*", metavar="name:=value", help="launch arguments")
     args = parser.parse_intermixed_args(argv)
-    if (args.package_name, Path(args.launch_file_name).name) != (nodes.PACKAGE, nodes.LAUNCH_FILE):
-        raise NotCovered(f"ros2 launch: only {nodes.PACKAGE} {nodes.LAUNCH_FILE} can be launched without a full ROS 2")
+    if (args.package_name, Path(args.launch_file_name).name) != (node_table.PACKAGE, node_table.LAUNCH_FILE):
+        raise NotCovered(
+            f"ros2 launch: only {node_table.PACKAGE} {node_table.LAUNCH_FILE} can be launched without a full ROS 2"
+        )
     try:
-        table = nodes.read_table(nodes.table_path())
-        entries = nodes.selected(table, nodes.parse_arguments(args.launch_arguments))
+        table = node_table.read_table(node_table.table_path())
+        entries = node_table.selected(table, node_table.parse_arguments(args.launch_arguments))
     except InputError as error:
         raise Failure(f"ros2 launch: {error}") from None
     if args.show_args:
@@ -31,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
     return run_until_signalled(Group(processes(entries)))
 
 
-def describe(table: nodes.NodeTable) -> str:
+def describe(table: node_table.NodeTable) -> str:
     """The launch arguments as ``--show-args`` prints them."""
     lines = ["Arguments (pass arguments as '<name>:=<value>'):"]
     for argument in table.arguments.values():
@@ -45,7 +47,7 @@ def describe(table: nodes.NodeTable) -> str:
     return "\n".join(lines)
 
 
-def processes(entries: Sequence[nodes.NodeEntry]) -> list[Process]:
+def processes(entries: Sequence[node_table.NodeEntry]) -> list[Process]:
     """What to start, labelled ``executable-number`` as by the real launch; Failure if an executable is missing."""
     made = []
     for number, entry in enumerate(entries, start=1):

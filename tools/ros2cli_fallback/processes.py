@@ -80,7 +80,7 @@ class Group:
             errors="replace",
             bufsize=1,
             start_new_session=True,
-            # A node ends by itself where this process is killed and can't stop it (sandbot_common.node).
+            # A node ends by itself where this process is killed and can't stop it (sandbot_common.ros.node).
             env={**os.environ, "TRACKWAY_END_WITH_PARENT": "1"},
         )
         process.running = running

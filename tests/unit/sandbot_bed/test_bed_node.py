@@ -9,10 +9,11 @@ import pytest
 import rclpy
 from std_srvs.srv import Trigger
 
-from sandbot_bed.bed_node import BedNode
-from sandbot_common import messages, node, topics
-from sandbot_common.node import SETTLE_S
-from sandbot_common.timer import end_timers
+from sandbot_bed.nodes.bed_node import BedNode
+from sandbot_common import messages, topics
+from sandbot_common.ros import node
+from sandbot_common.ros.node import SETTLE_S
+from sandbot_common.ros.timer import end_timers
 
 pytestmark = pytest.mark.ros
 FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
@@ -65,7 +66,7 @@ class StandIn:
 @pytest.fixture
 def bed(beside):
     given = [word for key, value in FAST.items() for word in ("-p", f"{key}:={value}")]
-    command = [sys.executable, "-m", "sandbot_bed.bed_node", "--ros-args", *given]
+    command = [sys.executable, "-m", "sandbot_bed.nodes.bed_node", "--ros-args", *given]
     process = subprocess.Popen(command)
     try:
         stand_in = StandIn(beside)

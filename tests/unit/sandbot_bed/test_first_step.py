@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_bed.bed_node import BedNode
 from sandbot_bed.bed_parameters import BedParameters
+from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_bed.protocol import PulseProtocol
 from sandbot_common.standstill import Standstill
 

@@ -13,11 +13,11 @@ from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
-from sandbot_bringup.console_node import ConsoleNode, delivery
 from sandbot_bringup.console_page import OLD_S, app, serve
+from sandbot_bringup.nodes.console_node import ConsoleNode, delivery
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.timer import end_timers
+from sandbot_common.ros.timer import end_timers
 
 NAN = float("nan")
 

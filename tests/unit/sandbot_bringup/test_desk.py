@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.hold import Hold
+from sandbot_bringup.nodes.desk_node import Desk
 from sandbot_bringup.plan import Plan
 from sandbot_bringup.queue import Queue
 from sandbot_common import messages

@@ -9,7 +9,7 @@ import pytest
 from changed_keys import at, changed, elements, leaves, names, same
 
 from sandbot_bringup.config import config_folder, files_of
-from sandbot_bringup.nodes import read_table, selected
+from sandbot_bringup.node_table import read_table, selected
 from sandbot_bringup.plan import Plan, plan_of, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.trial_bag import TrialBag

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sandbot_bringup.endings import CampaignEnds
-from sandbot_bringup.gate_node import Gate
-from sandbot_bringup.hearing_node import RECORDER, STEADY_S, Hearing
+from sandbot_bringup.nodes.gate_node import Gate
+from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
-from sandbot_common.node import NAMELESS, PROCESS
+from sandbot_common.ros.node import NAMELESS, PROCESS
 
 
 class Node:

@@ -6,7 +6,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from sandbot_bringup import nodes
+from sandbot_bringup import node_table
 from sandbot_common.errors import InputError
 
 
@@ -28,7 +28,7 @@ def launch_file(monkeypatch):
         for one in classes:
             setattr(fake, one, type(one, (Recorded,), {}))
         monkeypatch.setitem(sys.modules, module, fake)
-    path = nodes.table_path().parents[1] / "launch" / nodes.LAUNCH_FILE
+    path = node_table.table_path().parents[1] / "launch" / node_table.LAUNCH_FILE
     spec = importlib.util.spec_from_file_location("trackway_launch", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -69,7 +69,7 @@ def test_it_starts_what_the_table_says(launch_file):
     ],
 )
 def test_what_was_typed_wrong_is_refused_in_one_line(launch_file, monkeypatch, typed, complaint):
-    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "sandbot_bringup", nodes.LAUNCH_FILE, typed])
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "sandbot_bringup", node_table.LAUNCH_FILE, typed])
     with pytest.raises(InputError, match=complaint) as error:
         started(launch_file, typed)
     assert "\n" not in str(error.value)

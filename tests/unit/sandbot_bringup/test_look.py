@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.live_node import _Campaign
+from sandbot_bringup.nodes.live_node import _Campaign
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.queue import Queue
 

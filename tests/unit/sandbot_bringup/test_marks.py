@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from sandbot_bringup.marks import COLOURS, PATIENCE_NS, SEEN_BY, View
-from sandbot_bringup.nodes import table_path
+from sandbot_bringup.node_table import table_path
 from sandbot_tracking.calibration import read_cameras
 
 CAMERAS = read_cameras(table_path().with_name("cameras.yaml"))

@@ -9,17 +9,17 @@ import pytest
 import rclpy
 
 from sandbot_bed.protocol import ProtocolParameters
-from sandbot_bringup import campaign_node, orders_node
-from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.hearing_node import NodeStatus
+from sandbot_bringup.nodes import campaign_node, orders_node
+from sandbot_bringup.nodes.campaign_node import Operator
+from sandbot_bringup.nodes.hearing_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
-from sandbot_common.node import Stop
 from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.ros.node import Stop
+from sandbot_common.ros.timer import end_timers
 from sandbot_common.standstill import AWAKE_S, OLD
-from sandbot_common.timer import end_timers
 from sandbot_record.bags.reader import Bag
 
 PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")

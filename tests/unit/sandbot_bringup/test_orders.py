@@ -7,10 +7,10 @@ import rclpy
 from rcl_interfaces.srv import SetParametersAtomically
 
 from sandbot_bed.bed_parameters import BedParameters
-from sandbot_bringup import orders_node
 from sandbot_bringup.endings import TrialFailed
-from sandbot_bringup.orders_node import Orders
-from sandbot_common.node import Parameters
+from sandbot_bringup.nodes import orders_node
+from sandbot_bringup.nodes.orders_node import Orders
+from sandbot_common.ros.node import Parameters
 
 pytestmark = pytest.mark.ros
 SHORT = {"settle_s": 0.4, "average_s": 0.2}

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_bringup import console_node, page_lease_node
 from sandbot_bringup.console import Console
-from sandbot_bringup.console_node import ACTIONS, STOP, ConsoleNode
-from sandbot_bringup.page_lease_node import PageLease
+from sandbot_bringup.nodes import console_node, page_lease_node
+from sandbot_bringup.nodes.console_node import ACTIONS, STOP, ConsoleNode
+from sandbot_bringup.nodes.page_lease_node import PageLease
 
 
 class Graph:

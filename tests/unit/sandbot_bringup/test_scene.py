@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from sandbot_bringup import scene
 from sandbot_bringup.config import config_folder
 from sandbot_bringup.scene_messages import marker_array
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.robot import SANDBOT
+from sandbot_common.ros import node
 from sandbot_tracking.calibration import read_cameras
 
 NAN = np.full(3, np.nan)
@@ -104,7 +105,7 @@ def test_shapes_replace_those_before_and_each_has_a_place_of_its_own():
 @pytest.mark.ros
 @pytest.mark.timeout(60)
 def test_the_node_shows_what_it_hears(beside):
-    process = subprocess.Popen([sys.executable, "-m", "sandbot_bringup.scene_node"])
+    process = subprocess.Popen([sys.executable, "-m", "sandbot_bringup.nodes.scene_node"])
     drawn, frames = [], {}
     node.subscription(beside.node, topics.SCENE, lambda message: drawn.append({one.ns for one in message.markers}))
     node.subscription(

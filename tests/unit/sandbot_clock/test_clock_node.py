@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbot_clock.clock_node import ClockNode
 from sandbot_clock.clock_parameters import ClockParameters
+from sandbot_clock.nodes.clock_node import ClockNode
 from sandbot_clock.schedule import NANO
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
+from sandbot_common.ros import node
 
 pytestmark = pytest.mark.ros
 
@@ -21,7 +22,9 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def clock(domain):
     # As patient with a busy machine as it can be: that it heeds its lateness is tested in tests/faults.
-    process = subprocess.Popen([sys.executable, "-m", "sandbot_clock.clock_node", "--ros-args", "-p", "late_s:=0.25"])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sandbot_clock.nodes.clock_node", "--ros-args", "-p", "late_s:=0.25"]
+    )
     yield
     process.terminate()
     assert process.wait(timeout=30) == 0

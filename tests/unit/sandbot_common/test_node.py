@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common import node, process
+from sandbot_common import process
+from sandbot_common.ros import node
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -82,7 +83,9 @@ def test_a_slip_behind_ros_args_is_one_line(slip, said, capfd):
 
 
 def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():
-    code = "from sandbot_common import cli, node; cli.run(lambda _: node.start_ros([]), [])"
+    code = (
+        "from sandbot_common import cli; from sandbot_common.ros import node; cli.run(lambda _: node.start_ros([]), [])"
+    )
     elsewhere = os.environ | {"ROS_LOG_DIR": "/dev/null/log"}
     done = subprocess.run([sys.executable, "-c", code], env=elsewhere, capture_output=True, text=True, check=False)
     *_, told = done.stderr.splitlines()

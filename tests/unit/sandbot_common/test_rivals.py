@@ -2,8 +2,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_common import command_node, node, topics
+from sandbot_common import topics
 from sandbot_common.neighbours import LOOK_S
+from sandbot_common.ros import command_node, node
 
 
 class Graph:

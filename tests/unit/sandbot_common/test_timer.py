@@ -9,8 +9,8 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 
-from sandbot_common import command_node, node
-from sandbot_common.timer import Timer, end_timers
+from sandbot_common.ros import command_node, node
+from sandbot_common.ros.timer import Timer, end_timers
 
 pytestmark = pytest.mark.ros
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sandbot_common import window_node
-from sandbot_common.window_node import PATIENCE_S, Window
+from sandbot_common.ros import window_node
+from sandbot_common.ros.window_node import PATIENCE_S, Window
 
 
 class Reader:

@@ -10,7 +10,7 @@ from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line, decode
-from sandbot_hardware.serial_legs_node import SerialLegs
+from sandbot_hardware.nodes.serial_legs_node import SerialLegs
 
 SIX = np.ones(6)
 

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from rig import setpoints
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
-from sandbot_lab.lab_node import LabNode
+from sandbot_common.ros import node
+from sandbot_lab.nodes.lab_node import LabNode
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world
 
@@ -36,7 +37,7 @@ def heard(beside):
 @pytest.fixture
 def lab(domain):
     given = [word for one in ("phi:=0.62", "trial_seed:=5", "legs_lease_s:=1.0") for word in ("-p", one)]
-    command = [sys.executable, "-m", "sandbot_lab.lab_node", "--ros-args", *given]
+    command = [sys.executable, "-m", "sandbot_lab.nodes.lab_node", "--ros-args", *given]
     process = subprocess.Popen(command)
     yield process
     process.terminate()
@@ -120,7 +121,8 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
 SLOW_READER = """
 import rclpy
 from rclpy.executors import ExternalShutdownException
-from sandbot_common import node, topics
+from sandbot_common import topics
+from sandbot_common.ros import node
 
 rclpy.init()
 reader, heard, height = rclpy.create_node("slow_reader"), [], []

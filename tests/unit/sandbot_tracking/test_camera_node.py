@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sandbot_tracking.camera_node import CameraNode
+from sandbot_tracking.nodes.camera_node import CameraNode
 
 
 def camera(frames, *, is_device):

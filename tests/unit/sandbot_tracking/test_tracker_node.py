@@ -10,11 +10,12 @@ import pytest
 import yaml
 
 from sandbot_bringup.config import config_folder
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.files import read_yaml
 from sandbot_common.robot import Robot, to_mapping
+from sandbot_common.ros import node
 from sandbot_lab.cameras import LabCamera
-from sandbot_tracking import tracker_node
+from sandbot_tracking.nodes import tracker_node
 
 pytestmark = pytest.mark.ros
 
@@ -27,7 +28,7 @@ HIGH = Robot(leg_radius_m=0.05, axle_height_m=Z_M)
 @pytest.fixture
 def tracker(domain):
     process = subprocess.Popen(
-        [sys.executable, "-c", "from sandbot_tracking.tracker_node import main; raise SystemExit(main())"]
+        [sys.executable, "-c", "from sandbot_tracking.nodes.tracker_node import main; raise SystemExit(main())"]
     )
     yield process
     process.terminate()

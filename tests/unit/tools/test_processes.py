@@ -6,7 +6,7 @@ import pytest
 
 from ros2cli_fallback.launching import describe, processes
 from ros2cli_fallback.processes import Group, Process
-from sandbot_bringup import nodes
+from sandbot_bringup import node_table
 
 FOREVER = "import time; print('up', flush=True)\nwhile True: time.sleep(0.05)"
 STUBBORN = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); " + FOREVER
@@ -89,8 +89,8 @@ def test_a_command_that_can_not_start_stops_those_before_it(tmp_path):
 
 
 def test_the_table_becomes_processes_with_names_and_parameters():
-    table = nodes.read_table(nodes.table_path())
-    made = processes(nodes.selected(table, {"bed.pulse_off_s": "0.8"}))
+    table = node_table.read_table(node_table.table_path())
+    made = processes(node_table.selected(table, {"bed.pulse_off_s": "0.8"}))
     (bed,) = [one for one in made if one.label.startswith("bed-")]
     assert bed.command[0].endswith("/lib/sandbot_bed/bed")
     assert bed.command[1:4] == ["--ros-args", "-r", "__node:=bed"]

@@ -20,7 +20,7 @@ class BedParameters(ProtocolParameters):
         self.check_target(self.target_phi)
 
 
-main = cli.node("sandbot_bed.bed_node", BedParameters)
+main = cli.node("sandbot_bed.nodes.bed_node", BedParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

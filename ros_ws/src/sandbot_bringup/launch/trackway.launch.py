@@ -7,13 +7,13 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
-from sandbot_bringup import nodes
-from sandbot_common.node import END_WITH_PARENT
+from sandbot_bringup import node_table
+from sandbot_common.ros.node import END_WITH_PARENT
 
 
 def generate_launch_description() -> LaunchDescription:
     """The launch arguments of the node table, and its nodes once their values are known."""
-    table = nodes.read_table(nodes.table_path())
+    table = node_table.read_table(node_table.table_path())
     declared = [
         DeclareLaunchArgument(
             argument.name,
@@ -26,13 +26,13 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription([*declared, OpaqueFunction(function=start, args=[table])])
 
 
-def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
+def start(context: LaunchContext, table: node_table.NodeTable) -> list[Node]:
     """One action per node; when a required one ends, everything stops."""
     # Besides the declared arguments, launch keeps every other name:=value it was given, such as bed.pulse_off_s.
     given = {name: value for name, value in context.launch_configurations.items() if _ours(name, table)}
-    if any(Path(word).name == nodes.LAUNCH_FILE for word in sys.argv):
+    if any(Path(word).name == node_table.LAUNCH_FILE for word in sys.argv):
         # Typed for this file: an unknown name, which launch itself would silently keep, is refused.
-        given |= nodes.parse_arguments(context.argv)
+        given |= node_table.parse_arguments(context.argv)
     return [
         Node(
             package=entry.package,
@@ -44,9 +44,9 @@ def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
             additional_env={END_WITH_PARENT: "1"},
             on_exit=[Shutdown(reason=f"{entry.name} has ended")] if entry.required else None,
         )
-        for entry in nodes.selected(table, given)
+        for entry in node_table.selected(table, given)
     ]
 
 
-def _ours(name: str, table: nodes.NodeTable) -> bool:
+def _ours(name: str, table: node_table.NodeTable) -> bool:
     return name in table.arguments or name.partition(".")[0] in {entry.name for entry in table.nodes}

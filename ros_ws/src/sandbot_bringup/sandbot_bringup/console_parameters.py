@@ -16,7 +16,7 @@ class ConsoleParameters:
     explorer_port: int = parameter(8050, doc="port of the explorer that the page links to", low=1, high=65535)
 
 
-main = cli.node("sandbot_bringup.console_node", ConsoleParameters)
+main = cli.node("sandbot_bringup.nodes.console_node", ConsoleParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -15,7 +15,7 @@ class SceneParameters:
     robot: str = parameter("", doc="robot file; empty: SandBot, or the robot in /trial")
 
 
-main = cli.node("sandbot_bringup.scene_node", SceneParameters)
+main = cli.node("sandbot_bringup.nodes.scene_node", SceneParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

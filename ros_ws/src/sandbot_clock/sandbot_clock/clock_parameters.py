@@ -42,7 +42,7 @@ class ClockParameters:
         return Gait.from_name(self.gait)
 
 
-main = cli.node("sandbot_clock.clock_node", ClockParameters)
+main = cli.node("sandbot_clock.nodes.clock_node", ClockParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -19,7 +19,8 @@ lease       the right to move legs or blow air for a limited time; standstill: w
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once
-node        parameters, diagnostics, start and stop of a node
+ros/        (the only room that imports rclpy)
+  node      parameters, diagnostics, start and stop of a node
   timer     periodic callbacks on a monotonic clock
   command_node  who may command it
   window_node   flow control: it sends no more than its readers take

@@ -17,7 +17,7 @@ class SerialBedParameters:
     air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
-main = cli.node("sandbot_hardware.serial_bed_node", SerialBedParameters)
+main = cli.node("sandbot_hardware.nodes.serial_bed_node", SerialBedParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

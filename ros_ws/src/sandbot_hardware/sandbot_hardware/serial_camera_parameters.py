@@ -16,7 +16,7 @@ class SerialCameraParameters:
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
 
 
-main = cli.node("sandbot_hardware.serial_camera_node", SerialCameraParameters)
+main = cli.node("sandbot_hardware.nodes.serial_camera_node", SerialCameraParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -16,7 +16,7 @@ class LegsParameters:
     legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
 
 
-main = cli.node("sandbot_hardware.serial_legs_node", LegsParameters)
+main = cli.node("sandbot_hardware.nodes.serial_legs_node", LegsParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -29,7 +29,7 @@ class LabParameters:
     air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
-main = cli.node("sandbot_lab.lab_node", LabParameters)
+main = cli.node("sandbot_lab.nodes.lab_node", LabParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -24,7 +24,8 @@ trials/
   csv_table       the table as CSV
   from_bags       one bag to one row; a campaign to a table, in parallel, cached
   film_strip      kept frames with the tracked marks drawn on them
-tools/            record, replay, recover, info, table; recorder_node and replay_node wire them to ROS
+nodes/            recorder_node and replay_node connect them to ROS
+tools/            record, replay, recover, info, table
 """
 
 from typing import TYPE_CHECKING

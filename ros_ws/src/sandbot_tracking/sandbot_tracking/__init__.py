@@ -26,7 +26,7 @@ smooth          velocity from positions afterwards
 period          mean speed and lift of each turn of the legs, live
 trial           a trial's observables from landmarks and leg angles
   fold          folds all steps onto one phase axis; the steepest and the highest point; windows: compiled fits
-tracker_node, camera_node   their wiring to ROS
+nodes/          tracker_node and camera_node connect them to ROS
 tools/          calibrate, track_video
 """
 

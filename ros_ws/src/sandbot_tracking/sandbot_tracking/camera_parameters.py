@@ -20,7 +20,7 @@ class CameraParameters:
     exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=10.0)
 
 
-main = cli.node("sandbot_tracking.camera_node", CameraParameters)
+main = cli.node("sandbot_tracking.nodes.camera_node", CameraParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -21,7 +21,7 @@ class TrackerParameters:
     )
 
 
-main = cli.node("sandbot_tracking.tracker_node", TrackerParameters)
+main = cli.node("sandbot_tracking.nodes.tracker_node", TrackerParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

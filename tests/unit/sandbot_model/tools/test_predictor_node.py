@@ -8,17 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbot_common import messages, node, topics
+from sandbot_common import messages, topics
 from sandbot_common.robot import Robot, to_mapping
+from sandbot_common.ros import node
+from sandbot_model.nodes.predictor_node import PredictorNode
 from sandbot_model.physics.predictor import PredictorParameters
-from sandbot_model.tools.predictor_node import PredictorNode
 
 BIG = Robot(leg_radius_m=0.05, leg_mount_rad=0.5)
 
 
 @pytest.fixture
 def predictor(domain):
-    process = subprocess.Popen([sys.executable, "-m", "sandbot_model.tools.predictor_node"])
+    process = subprocess.Popen([sys.executable, "-m", "sandbot_model.nodes.predictor_node"])
     yield process
     process.terminate()
     process.wait(30)

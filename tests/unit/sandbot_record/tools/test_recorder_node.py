@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from sandbot_common import topics
-from sandbot_record.tools.recorder_node import Recorder, Selection
+from sandbot_record.nodes.recorder_node import Recorder, Selection
 
 TOPICS = ["/talk", "/robot1/talk", "/robot10/talk", "/robot1"]
 

@@ -5,7 +5,8 @@ from sandbot_common import topics
 from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import BagWriter
-from sandbot_record.tools import replay, replay_node
+from sandbot_record.nodes import replay_node
+from sandbot_record.tools import replay
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def command(argv: Sequence[str]) -> int:
         trials, failures = _batch(plan, folder, files, world, options, redo)
     else:
         # Imported here, as the live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.live_node import run_live
+        from sandbot_bringup.nodes.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
         queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)

@@ -3,7 +3,7 @@
 from sandbot_common import cli
 from sandbot_model.physics.predictor import PredictorParameters
 
-main = cli.node("sandbot_model.tools.predictor_node", PredictorParameters)
+main = cli.node("sandbot_model.nodes.predictor_node", PredictorParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -31,7 +31,7 @@ def _record(argv: Sequence[str]) -> int:
     _check(options)
     attachments = {path.name: _content(path) for path in options.attach}
     # Imported only after parsing, so that --help and errors in the options are printed at once.
-    from sandbot_record.tools.recorder_node import Selection, record
+    from sandbot_record.nodes.recorder_node import Selection, record
 
     selection = Selection(
         tuple(dict.fromkeys(options.topics)),

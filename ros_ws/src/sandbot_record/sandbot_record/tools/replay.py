@@ -34,7 +34,7 @@ def _replay(argv: Sequence[str]) -> int:
     # Imported only after parsing, so that --help and errors in the options are printed at once.
     from sandbot_record.bags.playback import Player, Timeline
     from sandbot_record.bags.reader import Bag
-    from sandbot_record.tools.replay_node import Options, replay
+    from sandbot_record.nodes.replay_node import Options, replay
 
     timeline = Timeline(Bag.open(options.bag), options.topics, decode_jpeg=options.decode_jpeg)
     if options.decode_jpeg and not timeline.decoded:

@@ -1,0 +1,1 @@
+"""Air pulses that set the volume fraction of the bed, as a node."""

@@ -1,0 +1,377 @@
+"""Run a campaign's trials live over the real nodes: prepare the bed, record, start the clock, stop.
+
+While a trial's air may blow or its legs move, this node renews /operator/lease: if it ends, freezes or is killed, bed
+and clock stop by themselves. It watches all nodes a trial needs (``hearing_node``); if one falls silent, the trial ends
+at once.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from sandbot_bed.protocol import ProtocolParameters, Stage
+from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
+from sandbot_bringup.folder import CampaignFolder, frames_kept
+from sandbot_bringup.hold import Hold
+from sandbot_bringup.nodes.desk_node import Desk
+from sandbot_bringup.nodes.gate_node import DISCOVERY_S, Gate
+from sandbot_bringup.nodes.hearing_node import RECORDER, TRACKER_SPEED, Hearing, NodeStatus
+from sandbot_bringup.nodes.hold_node import HoldServices
+from sandbot_bringup.nodes.orders_node import CALL_S, Orders
+from sandbot_bringup.plan import Plan, PlannedTrial
+from sandbot_bringup.preparation import Preparation
+from sandbot_bringup.provenance import trial_message
+from sandbot_bringup.recorder_process import RecorderProcess
+from sandbot_bringup.supervision import SILENCE_S, camera_fault
+from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import sync, writing
+from sandbot_common.parameters import from_mapping, specs
+from sandbot_common.process import real_time
+from sandbot_common.robot import Robot
+from sandbot_common.ros.node import Health, Stop, publisher, refuse_parameters, spin_once
+from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.writer import add_metadata
+from sandbot_record.trials.from_bags import row_from_bag
+from sandbot_record.trials.table import OK, Row
+
+BED_S = 600.0
+DRAIN_S = 20.0
+LAST_FRAME_NS = 30_000_000
+"""The last frame may precede the legs' rest by this much."""
+CLOSE_S = 30.0
+PRIORITY = 5
+"""Real-time priority while it commands, below the clock's; also that of the threads that receive its messages."""
+RENEW_S = 0.02
+"""Period of the lease's renewal: a dozen renewals before the clock takes it for lost."""
+EXPLAIN_S = 0.7
+"""How long to wait for an explanation after legs have come to rest unasked."""
+LEAVE_S = 2.0
+SAFE_S = 3.0
+"""How long to wait for legs that still report motion, before the recorder is ended."""
+
+
+def mark(bag: Path, exit_status: str) -> None:
+    """Write a trial's exit status into its closed bag, if it was only known after judging the bag."""
+    with suppress(InputError, OSError):  # a full disk: trials.csv has the status all the same
+        add_metadata(bag, "trial", {**Bag.open(bag).provenance.get("trial", {}), "exit_status": exit_status})
+
+
+def checked_row(bag: Path) -> Row:
+    """The row of a closed bag. Raises TrialFailed if it is not ok or unreadable, after marking the bag if possible."""
+    try:
+        row = row_from_bag(bag)
+    except (InputError, OSError) as error:
+        # E.g. a damaged disk: this trial is lost but the campaign is not, and the bag is kept for `recover`.
+        why = f"unreadable: {str(error).removeprefix(f'{bag}: ')}"
+    else:
+        if row.status == OK:
+            return row
+        why = row.status
+    mark(bag, why)
+    raise TrialFailed(f"{why}; its bag is kept in {bag}")
+
+
+def _clock_parameters(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
+    """The clock's parameters for a trial; ``plan`` is the one for this trial."""
+    walk = {"omega_rad_s": trial.omega_rad_s, "gait": plan.gait, "rate_hz": plan.setpoint_rate_hz}
+    if plan.gait == "CUSTOM":
+        walk |= {name: getattr(plan.clock_gait, name) for name in ("theta_s_rad", "theta_0_rad", "duty")}
+    return walk | {"max_run_s": plan.duration_s(trial.omega_rad_s) + CALL_S}
+
+
+class Operator(Node):
+    """Does what a person at the trackway does, through the same services and parameters."""
+
+    desk: Desk
+    """Set once there is a folder in which orders can be kept."""
+
+    def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
+        super().__init__("campaign")
+        refuse_parameters(self)
+        self._plan, self._robot, self._stop = plan, robot, stop
+        self.hold = Hold()
+        self.hold_services = HoldServices(self, self.hold)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self)
+        self._trial = publisher(self, topics.TRIAL)
+        self._lease: Publisher | None = None
+        self._commanding, self._renewed_s = False, -math.inf
+        self._running = ""
+        self._recorder: RecorderProcess | None = None
+        self._hearing = Hearing(self, silence_s, RENEW_S)
+        self._health = Health(self, lambda: {"trial": self._running}, sole=True)
+        self._orders = Orders(self, self._wait)
+        self._found: dict[str, dict[str, Any]] = {}
+        self._bed = plan.bed_protocol
+        self._gate = Gate(self, self._hearing, self._orders, self._wait)
+
+    def find_nodes(self) -> None:
+        """Wait for everything a trial needs. Raises InputError naming what is missing."""
+        self._gate.find_nodes()
+        # By now another campaign would have been heard. From here on clock and bed obey only this one.
+        self._lease = publisher(self, topics.OPERATOR_LEASE)
+
+    def await_go(self) -> None:
+        """While the campaign is held, wait for the operator, without a time limit: nothing moves and nothing blows."""
+        if not self.hold.why:
+            return
+        self.desk.enter("")
+        self._spin_until(lambda: not self.hold.why or self._ending, math.inf)
+        self._end_if_asked()
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Keep spinning until work elsewhere is done; nothing moves meanwhile."""
+        self._spin_until(lambda: condition() or self._ending, math.inf)
+        self._end_if_asked()
+
+    def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> Row:
+        """One trial from bed preparation to the closed bag, and its row of the table.
+
+        Raises TrialFailed with the reason otherwise, Held if a person stopped it.
+        """
+        # Recorded under .partial and moved when complete and judged: a bag in trials/ is always a whole trial.
+        partial = folder.partial_bag(trial.trial_id)
+        self._read_settings()
+        self._gate.before_trial(self._bed, folder)
+        self._running = trial.trial_id
+        self._set_up(trial)
+        # Judging the bag takes a second of CPU and needs no lease.
+        with real_time(PRIORITY):
+            recorder = self._run(trial, partial, attachments)
+        if recorder.code != 0:
+            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {partial}")
+        # Judged as for the table: a trial that is not ok there is not finished.
+        row = checked_row(partial)
+        with writing(folder.path):
+            partial.rename(folder.bag(trial))
+            sync(folder.trials)
+        return row
+
+    def _run(self, trial: PlannedTrial, bag: Path, attachments: Sequence[Path]) -> RecorderProcess:
+        """From the recorder's start to its end: the time in which legs and air are commanded."""
+        self._commanding, ended = True, "interrupted"
+        images = frames_kept(self._plan, trial)
+        self.desk.enter("starting the recorder")
+        recorder = RecorderProcess(bag, images, attachments, self.get_namespace())
+        try:
+            self._begin_recording(recorder, trial)
+            self._prepare_bed()
+            if images != "none":
+                # Frames of the bed's preparation would only fill the disk.
+                self._orders.film()
+            self.desk.enter("standing")
+            self._wait(lambda: False, self._plan.standing_s)
+            self._await_first_record()
+            self.desk.enter("walking")
+            self._walk(trial)
+            ended = OK
+        except (TrialFailed, CampaignEnds, Held) as error:
+            ended = str(error)
+            raise
+        finally:
+            if ended != OK:
+                self._make_safe()
+            self._recorder, self._commanding, self._running = None, False, ""
+            self._hearing.stop_watching()
+            self.desk.enter("closing the bag")
+            self._end_recording(recorder, ended)
+        return recorder
+
+    def _read_settings(self) -> None:
+        """Before the first trial: bed settings that the plan leaves open are as launched, in all trials."""
+        if self._found:
+            return
+        bed = self._orders.get("bed", [spec.name for spec in specs(ProtocolParameters)])
+        where = f"plan {self._plan.name}: bed, beside what the bed node has"
+        self._bed = from_mapping(ProtocolParameters, {**bed, **self._plan.bed}, where)
+        target = self._orders.get("bed", ["target_phi"])
+        self._found = {"bed": bed | target, "clock": self._orders.get("clock", ["max_run_s"])}
+
+    def restore_settings(self) -> None:
+        """Restore the parameters that bed and clock had before the first trial."""
+        answers = [self._orders.send_values(name, values) for name, values in self._found.items()]
+        self._spin_until(lambda: all(answer.done() for answer in answers), LEAVE_S)
+
+    def _set_up(self, trial: PlannedTrial) -> None:
+        self._hearing.forget_trial()
+        self._set_gait(trial)
+        self._orders.set("bed", asdict(self._bed) | {"target_phi": trial.phi})
+        if self._gate.has_lab:
+            occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
+            self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
+            self._orders.call("/lab/reset")
+
+    def _set_gait(self, trial: PlannedTrial) -> None:
+        # The legs stand where the last trial stopped, but every trial starts from the same stance. Home comes first: a
+        # clock that runs for somebody else refuses it, and its gait then stays unchanged.
+        self._orders.call("/clock/home")
+        self._orders.set("clock", _clock_parameters(self._plan.for_trial(trial), trial))
+
+    def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
+        if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
+            raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
+        self._recorder, ready_s = recorder, self._hearing.now_s
+        self._hearing.expect_recorder(recorder.pid)
+        # On a busy machine it may be discovered seconds after it is ready.
+        if not self._wait(lambda: self._hearing.heard_since(RECORDER, ready_s), DISCOVERY_S):
+            raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
+        self._hearing.require_recorder()
+        # Only now, so that the bag begins with its own trial.
+        content = trial_message(self._plan.for_trial(trial), trial, self._robot, time.time_ns(), self._bed)
+        self._trial.publish(messages.string(content))
+
+    def _await_first_record(self) -> None:
+        """A recorder that replaces a killed one sometimes is heard but receives nothing itself."""
+        if not self._wait(lambda: self._hearing.recorded > 0, DISCOVERY_S):
+            raise TrialFailed("the recorder receives nothing, so the legs do not start; the next trial gets a new one")
+
+    def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
+        recorder.tell(ended)
+        if not self._spin_until(lambda: recorder.ended, CLOSE_S):
+            recorder.kill()
+
+    def _prepare_bed(self) -> None:
+        self.desk.enter("preparing the bed")
+        bed = self._hearing
+        asked = Preparation(bed.bed_preparation)
+        self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
+        done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage), BED_S)
+        if bed.bed_stage == Stage.IDLE:
+            self._stopped_by_hand(bed.bed_text)
+        if not done or bed.bed_stage != Stage.READY:
+            raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
+
+    def _walk(self, trial: PlannedTrial) -> None:
+        legs, before = self._hearing, self._hearing.statuses["tracker"].values
+        duration_s = self._plan.duration_s(trial.omega_rad_s)
+        # Once more: somebody may have set another ω while the bed was prepared, but the row will have the plan's.
+        self._set_gait(trial)
+        self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
+        if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
+            raise TrialFailed("the clock was started but no leg moved (/leg_states)")
+        end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
+        legs.watch_walking()
+
+        def over() -> bool:
+            return (legs.leg_time_ns or 0) >= end_ns or not legs.moving
+
+        if not self._wait(over, duration_s + CALL_S):
+            raise TrialFailed(f"the trial was not over {CALL_S:g} s after its time (/leg_states)")
+        if not legs.moving:
+            self._explain_rest()
+        legs.watch()
+        self._orders.call("/clock/stop")
+        # Before the legs report rest, late reports of this trial could be mistaken for the start of the next.
+        if not self._wait(lambda: not legs.moving, CALL_S):
+            raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
+        self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
+        if fault := camera_fault(before, self._hearing.statuses["tracker"].values):
+            raise TrialFailed(fault)
+
+    def _await_last_frame(self, last_ns: int) -> None:
+        """Wait for frames that the tracker still processes: milliseconds, or seconds on a busy machine."""
+        tracker = self._hearing
+        self._wait(lambda: tracker.speed_ns >= last_ns or tracker.is_quiet(TRACKER_SPEED), DRAIN_S)
+        asked_s = tracker.now_s
+        self._wait(lambda: tracker.heard_since("tracker", asked_s, topics.DIAGNOSTICS.name), CALL_S)
+
+    def _explain_rest(self) -> None:
+        """Legs came to rest in mid-trial: a fault ends the trial, a stop by hand the campaign."""
+        self._commanding = False
+        # The node that reports the legs may have noticed before us that the clock is gone.
+        hearing = self._hearing
+        self._spin_until(lambda: bool(hearing.clock_fault or self._fault()) or self.hold.now, EXPLAIN_S)
+        if self.hold.now:
+            raise Held(self.hold.why)
+        if fault := self._fault() or hearing.clock_fault:
+            raise TrialFailed(fault)
+        self._stopped_by_hand("the legs were stopped by hand")
+
+    def _stopped_by_hand(self, what: str) -> NoReturn:
+        """Somebody stopped legs or air, perhaps without telling us yet: hold until they say go, or end the campaign."""
+        self._spin_until(lambda: self.hold.now, EXPLAIN_S)
+        if not self.hold.now and not self.desk.attended:
+            raise CampaignEnds(f"{what}; start the campaign again to go on")
+        if not self.hold.now:
+            self.hold.stop(what)
+        raise Held(self.hold.why)
+
+    def _make_safe(self) -> None:
+        """Ask clock and bed to stop; if they don't hear it, the lease that is no longer renewed stops them."""
+        self._commanding = False
+        for name in ("/clock/stop", "/bed/abort"):
+            self._orders.send(name)
+        self._spin_until(lambda: False, 0.1)
+        self._spin_until(lambda: not self._hearing.moving, SAFE_S)
+
+    def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Whether the condition became true in time; raises as soon as there is no point in waiting any longer."""
+
+        def hopeless() -> bool:
+            return self._ending or self._stopped or bool(self._fault())
+
+        self._spin_until(lambda: condition() or hopeless(), timeout_s)
+        self._end_if_asked()
+        if self._stopped:
+            raise Held(self.hold.why)
+        if fault := self._fault():
+            raise TrialFailed(fault)
+        return condition()
+
+    @property
+    def _stopped(self) -> bool:
+        """Whether the trial under way is to end at once; there is none while nodes are still being looked for."""
+        return self.hold.now and self._lease is not None
+
+    @property
+    def _ending(self) -> bool:
+        return self._stop.asked or bool(self._health.refused)
+
+    def _end_if_asked(self) -> None:
+        if self._stop.asked:
+            raise KeyboardInterrupt
+        if self._health.refused:
+            raise CampaignEnds(self._health.refused)
+
+    def _fault(self) -> str:
+        """Why the trial under way is spoilt; an empty string if it is not, or if there is none."""
+        if self._recorder is None:
+            return ""
+        level, text, values = self._hearing.statuses.get(RECORDER, NodeStatus())
+        if level > 1:
+            # E.g. a full disk: nothing more is recorded, so the legs stop.
+            return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"
+        if values.get("state", "recording") != "recording":
+            # By /recorder/pause or /recorder/stop: the legs must not walk on unrecorded.
+            return f"the recorder {text}"
+        if self._recorder.ended:
+            return f"the recorder ended: {self._recorder.why_ended}"
+        if self._recorder.frozen:
+            return "the recorder is frozen"
+        return self._hearing.fault()
+
+    def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            now_s = time.monotonic()
+            if now_s >= deadline:
+                return False
+            self._hearing.listen()
+            self._renew(now_s)
+            spin_once(self._executor, self, min(deadline - now_s, RENEW_S))
+        return True
+
+    def _renew(self, now_s: float) -> None:
+        # From this loop, not from a thread: a stuck campaign must not command.
+        if self._commanding and self._lease is not None and now_s - self._renewed_s >= RENEW_S:
+            self._renewed_s = now_s
+            self._lease.publish(messages.header(self.get_clock().now().nanoseconds, self.get_name()))

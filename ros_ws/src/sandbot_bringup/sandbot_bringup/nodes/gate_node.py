@@ -1,0 +1,117 @@
+"""Preconditions of a campaign and of each of its trials: nodes, rates, one publisher of each topic, disk space."""
+
+import math
+import shutil
+from functools import partial
+
+from rclpy.node import Node
+
+from sandbot_bed.protocol import ProtocolParameters
+from sandbot_bringup.endings import CampaignEnds
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.nodes.hearing_node import DRIVERS, Hearing
+from sandbot_bringup.nodes.orders_node import Orders, Wait
+from sandbot_bringup.supervision import pace_fault
+from sandbot_common import topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import writing
+from sandbot_common.ros.node import NAMELESS, names_of
+
+DISCOVERY_S = 20.0
+"""The longest that nodes which just started take to be discovered on a busy machine."""
+FREE_BYTES = 300 << 20
+"""Free space needed before a trial; the recorder itself stops at 200 MiB."""
+FORGOTTEN_S = 30.0
+"""A killed process stays in DDS's graph for 20 s; one of another name counts as a publisher until then."""
+PACE_S = 0.5
+"""How long rates are measured before a trial."""
+
+_REQUIRED = ("clock", "bed", "tracker")
+_START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
+
+
+class Gate:
+    """Lets a campaign and its trials begin, or says what is missing."""
+
+    def __init__(self, node: Node, hearing: Hearing, orders: Orders, wait: Wait) -> None:
+        self._node, self._hearing, self._orders, self._wait = node, hearing, orders, wait
+        self.has_lab = False
+        """Whether the robot is the virtual lab."""
+
+    def find_nodes(self) -> None:
+        """Wait for everything a trial needs. Raises InputError naming what is missing."""
+        for name in ("/clock/start", "/bed/prepare"):
+            if not self._wait(partial(self._orders.is_offered, name), DISCOVERY_S):
+                raise InputError(f"no node offers {name}; {_START_THEM}")
+        for topic in (topics.LEG_STATES, topics.COM):
+            if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
+                raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
+        # The service is not enough: a preparation fails at once before the bed has received a height reading.
+        if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
+            raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
+        # The node that reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried
+        # back. A publisher may be discovered before its node's name: guessing then could leave the seed unset.
+        if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
+            raise InputError(f"the node that publishes {topics.LEG_STATES.name} has no known name; {_START_THEM}")
+        self.has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
+        if self.has_lab and not self._wait(partial(self._orders.is_offered, "/lab/reset"), DISCOVERY_S):
+            raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
+        if not self._wait(lambda: set(self._required) <= self._hearing.statuses.keys(), DISCOVERY_S):
+            missing = next(name for name in self._required if name not in self._hearing.statuses)
+            raise InputError(f"the {missing} does not report its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
+
+    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
+        """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
+        self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)])
+        if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
+            missing = self._hearing.missing()[0]
+            raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
+        # A failed trial may have left the legs moving, and the air comes next.
+        if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
+            where = topics.LEG_STATES.name
+            raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
+        self._pace(bed)
+        for topic in topics.COMMANDS:
+            if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
+                names = " and ".join(self._who_publishes(topic)) or "nobody"
+                raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
+        rivals = self._hearing.rivals
+        if not self._wait(lambda: not rivals.fault(), FORGOTTEN_S):
+            raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
+        with writing(folder.path):
+            free = shutil.disk_usage(folder.path).free
+        if free < FREE_BYTES:
+            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+
+    def _pace(self, bed: ProtocolParameters) -> None:
+        """Check that the sensors run at their rates. Raises CampaignEnds naming one that does not."""
+        hearing = self._hearing
+        # At a lower rate of heights a rest of the bed would time out.
+        least_hz = bed.min_readings / (bed.average_s + bed.overrun_s)
+        since_s, heights, before = hearing.now_s, hearing.heights, hearing.statuses["tracker"].values
+        faults = [""]
+
+        def paced() -> bool:
+            rate_hz = (hearing.heights - heights) / max(hearing.now_s - since_s, PACE_S)
+            slow = f"{topics.BED_HEIGHT.name} comes at {rate_hz:.1f} Hz, {least_hz:.1f} are needed"
+            # The virtual lab renders frames when it has time, but stamps them at a regular rate.
+            cameras = "" if self.has_lab else pace_fault(before, hearing.statuses["tracker"].values)
+            faults[0] = slow if rate_hz < least_hz else cameras
+            return not faults[0] and hearing.now_s - since_s >= PACE_S
+
+        if not self._wait(paced, DISCOVERY_S):
+            raise CampaignEnds(f"{faults[0]}; fix it, then start the campaign again to go on")
+
+    @property
+    def _required(self) -> tuple[str, ...]:
+        """Nodes that must report their health; a third-party robot need not."""
+        return (*_REQUIRED, "lab") if self.has_lab else _REQUIRED
+
+    def _who_publishes(self, topic: topics.Topic) -> list[str]:
+        return names_of(self._node.get_publishers_info_by_topic(topic.relative))
+
+    def _has_one_publisher(self, topic: topics.Topic) -> bool:
+        return len(self._who_publishes(topic)) == 1
+
+    def _is_published(self, topic: topics.Topic) -> bool:
+        return bool(self._node.count_publishers(topic.relative))

@@ -1,0 +1,225 @@
+"""What a campaign knows of its trackway: the state of bed and legs, each node's health, and who has fallen silent."""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
+from sandbot_common import messages, topics
+from sandbot_common.neighbours import Neighbours
+from sandbot_common.ros.command_node import Rivals
+from sandbot_common.ros.node import PROCESS, subscription
+
+QUIET_S = 3.0
+"""A tracker that is silent for this long has no more frames."""
+DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral", "dorsal_camera", "lateral_camera")
+"""Each reports on /diagnostics if its cable is out. Required once heard, as third-party ones need not report health."""
+RECORDER = "recorder"
+
+_ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
+"""The source of leg reports, and which of our nodes it may be."""
+# Its first frame may take seconds if nothing is compiled yet; a dead tracker is noticed sooner, as its node is silent.
+TRACKER_SPEED = Sign("tracker", topics.SPEED.name, 5.0)
+STEADY_S = 0.5
+"""The longest gap in topics that are continuous while legs walk, or half of --silence if that is longer."""
+
+
+class NodeStatus(NamedTuple):
+    """A node's health, as it last reported it."""
+
+    level: int = 0
+    text: str = ""
+    values: Mapping[str, str] = {}
+
+
+class Hearing:
+    """Subscribes for a node and keeps the latest of everything; call ``listen`` at each turn of its loop."""
+
+    def __init__(self, node: Node, silence_s: float, turn_s: float) -> None:
+        """``turn_s``: the longest that a turn waits; time beyond twice that is our own delay."""
+        self.statuses: dict[str, NodeStatus] = {}
+        self.bed_stage = self.bed_text = self.bed_preparation = ""
+        self.bed_height_m = math.nan
+        self.heights = 0
+        self.moving = False
+        self.leg_time_ns: int | None = None
+        self.motion_start_ns: int | None = None
+        self.speed_ns = 0
+        self._silence_s = silence_s
+        self._supervisor, self._listening = Supervisor(), Listening(2 * turn_s)
+        self._neighbours = Neighbours()
+        self.rivals = Rivals(node, *topics.MEASURED)
+        """Two nodes that publish what a row is computed from: the row could be that of another trial."""
+        self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
+        self._vital = [self._bed]
+        self._turned_ns: dict[str, int] = {}
+        self._recorder_pid = 0
+        subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
+        subscription(node, topics.LEG_STATES, self._on_legs)
+        # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
+        subscription(node, topics.BED_STATUS, self._on_bed, best_effort=True)
+        subscription(node, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
+        subscription(node, topics.SPEED, self._on_speed)
+        subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
+        subscription(node, topics.HEARTBEAT, self._on_heartbeat, best_effort=True)
+
+    @property
+    def now_s(self) -> float:
+        """Time spent listening."""
+        return self._listening.now_s
+
+    def listen(self) -> None:
+        """Call before the loop waits for messages: advances the time and queries the system which processes live."""
+        now_s = time.monotonic()
+        self._listening.look(now_s)
+        for who, starved_s in self._neighbours.look(now_s).items():
+            for name in (who, _ROBOT) if who in _ROBOTS else (who,):
+                self._supervisor.starved(name, starved_s)
+
+    def forget_trial(self) -> None:
+        """Discard the state of the last trial."""
+        self.bed_stage, self.motion_start_ns = "", None
+
+    def require(self, names: Sequence[str]) -> None:
+        """From now on these nodes, and the bed's status, are vital."""
+        self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
+
+    def expect_recorder(self, pid: int) -> None:
+        """A recorder has been started: forget the last one's reports, and ignore those of other recorders."""
+        self._recorder_pid = pid
+        self._neighbours.forget(RECORDER)
+        self.statuses.pop(RECORDER, None)
+        self.watch()
+
+    @property
+    def recorded(self) -> int:
+        """Number of messages written, as the recorder reports."""
+        return int(self.statuses.get(RECORDER, NodeStatus()).values.get("written", "0"))
+
+    def require_recorder(self) -> None:
+        """The recorder has been heard, and is vital from now on."""
+        self._vital.append(Sign(RECORDER, LOOP, self._silence_s))
+        self.watch()
+
+    def watch(self, *more: Sign) -> None:
+        """From now on no vital node may fall silent, nor any of ``more``."""
+        beats = (
+            Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS)
+            for sign in self._vital
+            if sign.who != RECORDER and sign.who not in self._neighbours
+        )
+        # Third-party nodes need not send heartbeats; the recorder is our child, whose end the system reports.
+        beating = [beat for beat in beats if math.isfinite(self._age_s(beat))]
+        self._supervisor.watch(*more, *self._vital, *beating, now_s=self.now_s)
+
+    def watch_walking(self) -> None:
+        """The same while legs walk: set-points, the robot's reports and the tracker's speeds must also keep coming."""
+        steady_s = max(STEADY_S, self._silence_s / 2)
+        steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
+        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
+
+    @property
+    def reports_motion(self) -> bool:
+        """Whether the robot currently reports that its legs move; false if it has died in the middle of a walk."""
+        return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+
+    def stop_watching(self) -> None:
+        """Nothing is under way: anybody may fall silent."""
+        self._supervisor.watch(now_s=0.0)
+
+    def heard_since(self, who: str, since_s: float, topic: str = "") -> bool:
+        """Whether somebody gave a sign after ``since_s``, a time of ``now_s``."""
+        return self._supervisor.heard_since(who, topic, since_s)
+
+    def is_quiet(self, sign: Sign) -> bool:
+        """Whether the sign has been absent for a while."""
+        return self._age_s(sign) > QUIET_S
+
+    def missing(self) -> list[str]:
+        """Phrases that name each vital node that is absent, or has lost its device."""
+        gone = [f"{sign.who} {fault}" for sign in self._vital if (fault := self._neighbours.faults.get(sign.who))]
+        return gone + [sign.missing for sign in self._vital if self._age_s(sign) > sign.limit_s] + self._unplugged()
+
+    def fault(self) -> str:
+        """A phrase that names a watched vital node that fails; an empty string if there is none."""
+        for sign in self._vital:
+            # An orderly end is announced, and any other reported by the system, so neither needs to time out.
+            if (text := self.statuses.get(sign.who, NodeStatus()).text).startswith("ended: "):
+                return f"the {sign.who} {text}"
+            if sign.who != RECORDER and (fault := self._neighbours.faults.get(sign.who)):
+                return f"the {sign.who} {fault}"
+        if unplugged := self._unplugged():
+            return f"the {unplugged[0]}"
+        if rivals := self.rivals.fault():
+            return rivals
+        # A stopped clock is rightly silent, and has said why; the robot's reports may lag behind it.
+        silent = self._supervisor.silent(self.now_s)
+        return silent and (self.clock_fault or self._listening.held_up or f"the {silent}")
+
+    @property
+    def clock_fault(self) -> str:
+        """Why the clock stopped by itself; an empty string if it did not."""
+        clock = self.statuses.get("clock", NodeStatus())
+        return f"the clock: {clock.text}" if clock.level > 1 else ""
+
+    def _age_s(self, sign: Sign) -> float:
+        return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
+
+    def _unplugged(self) -> list[str]:
+        """Phrases that name the drivers that have lost their device."""
+        drivers = ((who, self.statuses[who]) for who in DRIVERS if who in self.statuses)
+        return [f"{who} has lost its device: {status.text}" for who, status in drivers if status.level > 1]
+
+    def _heard(self, who: str, topic: topics.Topic) -> None:
+        self._supervisor.heard(who, topic.name, self.now_s)
+
+    def _is_our_recorder(self, process: str) -> bool:
+        """Whether it is our recorder and not another one. Without /proc processes are unknown: any counts as ours."""
+        return not process or process.split()[1:2] == [str(self._recorder_pid)]
+
+    def _on_bed(self, message: Any) -> None:
+        self._heard("bed", topics.BED_STATUS)
+        for status in message.status:
+            values = messages.values_of(status)
+            self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
+            self.bed_preparation = values.get("preparation", "")
+            self.bed_height_m = float(values.get("height_m", math.nan))
+
+    def _on_height(self, _: bytes) -> None:
+        self.heights += 1
+
+    def _on_legs(self, message: Any) -> None:
+        self._heard(_ROBOT, topics.LEG_STATES)
+        self.leg_time_ns = messages.nanoseconds(message.header.stamp)
+        self.moving = any(rate != 0.0 for rate in message.velocity)
+        if self.motion_start_ns is None and self.moving:
+            self.motion_start_ns = self.leg_time_ns
+
+    def _on_setpoint(self, _: bytes) -> None:
+        self._heard("clock", topics.LEG_SETPOINTS)
+
+    def _on_speed(self, message: Any) -> None:
+        self._heard("tracker", topics.SPEED)
+        self.speed_ns = messages.nanoseconds(message.header.stamp)
+
+    def _on_heartbeat(self, message: Any) -> None:
+        self._heard(message.frame_id, topics.HEARTBEAT)
+        # Different, not later: the node's clock may have been set back.
+        if (turned_ns := messages.nanoseconds(message.stamp)) != self._turned_ns.get(message.frame_id, 0):
+            self._turned_ns[message.frame_id] = turned_ns
+            self._supervisor.heard(message.frame_id, LOOP, self.now_s)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = messages.values_of(status)
+            if status.name == RECORDER and not self._is_our_recorder(values.get(PROCESS, "")):
+                continue
+            if not self._neighbours.meet(status.name, values.get(PROCESS, "")):
+                continue
+            self._heard(status.name, topics.DIAGNOSTICS)
+            self._supervisor.heard(status.name, LOOP, self.now_s)
+            self.statuses[status.name] = NodeStatus(status.level[0], status.message, values)

@@ -1,0 +1,1 @@
+"""The leg clock as a node."""

@@ -1,0 +1,78 @@
+"""A camera that sends JPEG frames over a serial line: image_raw and camera_info of one view.
+
+A frame's stamp is the middle of its exposure by the camera's clock, converted to the host's as well as the line allows;
+the tracker finds the remaining offset from the sync LED.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+
+from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.ros import node
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line
+from sandbot_hardware.port import Port, fixed
+from sandbot_hardware.serial_camera_parameters import SerialCameraParameters
+from sandbot_tracking.calibration import read_cameras
+
+
+class SerialCamera(Node):
+    """Publishes each frame as it arrives."""
+
+    def __init__(self) -> None:
+        super().__init__("serial_camera")
+        given = node.Parameters(self, SerialCameraParameters, fixed).current
+        self._frame, self._device_clock = topics.optical_frame(given.camera), DeviceClock()
+        self._info = None
+        if given.cameras:
+            cameras = read_cameras(given.cameras)
+            if given.camera not in cameras:
+                raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
+            used = cameras[given.camera]
+            self._info = messages.camera_info(0, self._frame, (used.width, used.height), used.matrix, used.distortion)
+        view = topics.VIEWS[given.camera]
+        self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
+        self._frames = self._unreadable = 0
+        self._port = Port(given.device, given.baud, self._heard)
+        self._health = node.Health(self, self._figures)
+
+    def close(self) -> None:
+        """Release the line."""
+        self._port.close()
+
+    def _heard(self, line: Line, received_ns: int) -> None:
+        if line.kind != "C" or not line.block:
+            return
+        pixels = cv2.imdecode(np.frombuffer(line.block, np.uint8), cv2.IMREAD_GRAYSCALE)
+        if pixels is None:
+            self._unreadable += 1
+            return
+        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        self._frames += 1
+        self._image.publish(messages.image(t_ns, self._frame, pixels.astype(np.uint8, copy=False)))
+        if self._info is not None:
+            self._info.header = messages.header(t_ns, self._frame)
+            self._camera_info.publish(self._info)
+
+    def _figures(self) -> dict[str, Any]:
+        self._health.level, self._health.text = self._port.health
+        return {
+            "frames": self._frames,
+            "unreadable": self._unreadable,
+            "damaged": self._port.damaged,
+            "opened": self._port.opened,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C."""
+    return node.run(SerialCamera, argv, frames=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

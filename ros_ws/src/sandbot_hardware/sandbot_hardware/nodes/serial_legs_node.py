@@ -1,0 +1,173 @@
+"""The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
+
+Motion is leased here as everywhere: if no set-point arrives for legs_lease_s, the legs are brought to rest, and stay so
+until a set-point at rest has been received; this is also the initial state, as a driver may start in the middle of a
+gait. The angles of that set-point are not a target: the legs are told to rest at the angles they report. A second
+commander also brings them to rest, and nobody's set-points are forwarded while there are two; so does a set-point that
+no leg can follow. The controller does the same by itself when the line is silent.
+
+A line too slow for the set-points, or a driver held up, loses old ones; if a set-point is forwarded legs_lease_s later
+than it could have been, the legs are brought to rest, as they would otherwise walk on after a stop.
+"""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.lease import Lease
+from sandbot_common.legs import check_turning
+from sandbot_common.robot import SANDBOT, read_robot
+from sandbot_common.ros import node
+from sandbot_common.ros.command_node import Partners, Rivals
+from sandbot_common.ros.timer import Timer
+from sandbot_hardware import lines
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line
+from sandbot_hardware.port import Port, fixed
+from sandbot_hardware.serial_legs_parameters import LegsParameters
+
+WATCH_S = 0.01
+KEPT = 50
+"""Queued set-points: a stop waits behind at most this many, and losing older ones is harmless."""
+CLOCK = "clock"
+"""The commanding node; if it runs on this host, its end is detected at once."""
+
+
+class SerialLegs(Node):
+    """Forwards set-points at once, in the thread that receives them."""
+
+    def __init__(self) -> None:
+        super().__init__("serial_legs")
+        given = node.Parameters(self, LegsParameters, fixed).current
+        self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
+        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
+        self._commanded_ns, self._why = 0, ""
+        self._least_ns = 0
+        self._commanded: list[float] = []
+        self._held: list[float] = []
+        self._partners = Partners(self)
+        self._rivals = Rivals(self, topics.LEG_SETPOINTS)
+        self._device_clock = DeviceClock()
+        self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
+        self._sent = self._refused = self._watchdog = 0
+        self._port = Port(given.device, given.baud, self._heard)
+        self._health = node.Health(self, self._figures, sole=True)
+        Timer(self, WATCH_S, self._watch)
+
+    def close(self) -> None:
+        """Legs at rest before the node ends."""
+        if self._moving:
+            self._rest()
+        self._port.close()
+
+    def _on_setpoint(self, message: JointState) -> None:
+        place = {name: index for index, name in enumerate(message.name)}
+        whole = len(message.name) == len(message.position) == len(message.velocity)
+        if not whole or any(name not in place for name in self._order):
+            self._refused += 1
+            return
+        angles, rates = (
+            [values[place[name]] for name in self._order] for values in (message.position, message.velocity)
+        )
+        self._watch()
+        t_ns, moving = messages.nanoseconds(message.header.stamp), any(rates)
+        if why := self._refusal(t_ns, angles, rates):
+            self._refused += 1
+            self._stop(why)
+            return
+        if moving and not self._moving:
+            self._partners.begin(CLOCK)
+        if not self._lapsed or not self._held:
+            self._held = angles
+        self._moving, self._lapsed, self._why = moving, False, ""
+        self._lease.renew(time.monotonic())
+        self._commanded_ns, self._commanded = t_ns, angles
+        self._sent += self._say(t_ns, rates)
+
+    def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
+        """Why a set-point is not forwarded; an empty string if it is."""
+        if not np.isfinite([angles, rates]).all():
+            return "an angle or rate is not finite"
+        if why := self._rivals.fault():
+            return why
+        now_ns, moving = time.monotonic_ns(), any(rates)
+        if moving and (self._lapsed or self._lease.late(now_ns * 1e-9)):
+            # Nothing resumes by itself: late commands from before a silence must not start the legs.
+            return "they are told to move before they have been told to rest"
+        # The commander's clock may have any offset: a late set-point is later than others since the last one at rest.
+        delay_ns = now_ns - t_ns
+        self._least_ns = min(self._least_ns, delay_ns) if moving else delay_ns
+        if (late_s := (delay_ns - self._least_ns) * 1e-9) > self._lease.limit_s:
+            return f"set-points are forwarded {late_s:.2g} s late"
+        if moving or self._moving:
+            step_s = np.array([0, max(t_ns - self._commanded_ns, 1)]) * 1e-9
+            try:
+                check_turning(step_s, np.array([self._commanded, angles]), np.array(rates))
+            except InputError as error:
+                return str(error)
+        return ""
+
+    def _watch(self) -> None:
+        if self._moving and (why := self._rivals.fault() or self._partners.lost(CLOCK, self._lease, "no set-point")):
+            self._stop(why)
+
+    def _stop(self, why: str) -> None:
+        if not self._why:  # the first reason is the informative one
+            self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
+            self.get_logger().error(self._why)
+        self._lapsed = True
+        if self._moving:
+            self._rest()
+
+    def _rest(self) -> None:
+        self._moving = False
+        # In the commander's time, as the system clock may have been changed since.
+        silent_ns = round((time.monotonic() - self._lease.renewed_s) * 1e9)
+        self._say(self._commanded_ns + silent_ns, [0.0] * len(self._order))
+
+    def _say(self, t_ns: int, rates: Sequence[float]) -> bool:
+        return self._port.write(lines.encode("S", t_ns // 1000, *map(float, (*self._held, *rates))))
+
+    def _heard(self, line: Line, received_ns: int) -> None:
+        if line.kind == "W":
+            self._watchdog += 1
+            return
+        if line.kind not in ("L", "E") or not line.values:
+            return
+        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        if line.kind == "E":
+            self._led.publish(messages.header(t_ns, "sync_led"))
+        elif len(line.values) == 1 + 3 * len(self._order):
+            angles, rates, efforts = map(np.asarray, lines.split(line.values[1:], len(self._order)))
+            if not self._moving:
+                self._held = angles.tolist()
+            self._states.publish(messages.joint_state(t_ns, self._order, angles, rates, efforts))
+
+    def _figures(self) -> dict[str, Any]:
+        self._health.level, self._health.text = self._port.health
+        if not self._health.level and (why := self._why or self._rivals.fault()):
+            # A warning: an error would mean that the line is out.
+            self._health.level, self._health.text = 1, why
+        return {
+            "set_points": self._sent,
+            "refused": self._refused,
+            "damaged": self._port.damaged,
+            "opened": self._port.opened,
+            "watchdog": self._watchdog,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C."""
+    return node.run(SerialLegs, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

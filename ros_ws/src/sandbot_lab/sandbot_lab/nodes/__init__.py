@@ -1,0 +1,1 @@
+"""The virtual lab in the place of robot, bed, cameras and force cell, as a node."""

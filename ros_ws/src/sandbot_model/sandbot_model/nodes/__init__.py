@@ -1,0 +1,1 @@
+"""The model's prediction for the running trial, as a node."""

@@ -1,0 +1,1 @@
+"""Nodes that write topics to bags, and play bags back."""

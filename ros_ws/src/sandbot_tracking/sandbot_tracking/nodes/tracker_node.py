@@ -1,0 +1,185 @@
+"""The tracker node: publishes /landmarks/*, /speed, /speed/mean and /lift from both cameras' frames."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from sandbot_common import messages, topics
+from sandbot_common.config import config_file
+from sandbot_common.errors import InputError
+from sandbot_common.robot import read_robot, robot_of_trial
+from sandbot_common.ros import node
+from sandbot_common.topics import Topic
+from sandbot_tracking.calibration import read_cameras
+from sandbot_tracking.latency import Latency
+from sandbot_tracking.live import LiveTracker, View, warm_up
+from sandbot_tracking.offline import Sample
+from sandbot_tracking.pixels import grey
+from sandbot_tracking.tracker_parameters import TrackerParameters
+
+_FOLLOW_S = 0.5
+"""Period of checking the publishers of images."""
+_FROZEN = 50
+"""Identical frames in a row from which the image is reported as frozen."""
+
+
+class ImageInput:
+    """Subscription to one camera's images as its driver offers them.
+
+    Reliable if every publisher is, as a stall then loses no frame; best effort otherwise, as a reliable subscription
+    would receive nothing. Compressed images if nobody publishes raw ones.
+    """
+
+    def __init__(self, owner: Node, raw: Topic, compressed: Topic, callback: Callable[[Any], None]) -> None:
+        self._owner, self._callback = owner, callback
+        self._offers = raw, compressed
+        self._now: tuple[Topic, bool] | None = None
+        self._subscription: Subscription | None = None
+        self.follow()
+
+    def follow(self) -> None:
+        """Subscribe again if the publishers have changed."""
+        raw, compressed = self._offers
+        found = {topic: node.reliabilities(self._owner, topic) for topic in self._offers}
+        topic = compressed if found[compressed] and not found[raw] else raw
+        wanted = topic, not all(found[topic])
+        if wanted == self._now or (self._now is not None and not found[topic]):
+            return
+        if self._subscription is not None:
+            self._owner.destroy_subscription(self._subscription)
+        self._subscription = node.subscription(self._owner, topic, self._callback, best_effort=wanted[1])
+        self._now = wanted
+
+
+_FIXED = node.fixed("what the tracker knows is read at the start: restart the tracker to change it")
+
+
+class TrackerNode(Node):
+    """Wires a LiveTracker to the topics."""
+
+    def __init__(self) -> None:
+        super().__init__("tracker")
+        self._settings = node.Parameters(self, TrackerParameters, _FIXED)
+        given = self._settings.current
+        named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
+        self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
+        self._latency = Latency(given.latency_budget_s)
+        self._unreadable = ""
+        path = given.cameras or config_file("cameras.yaml")
+        cameras = read_cameras(path)
+        if "dorsal" not in cameras:
+            raise InputError(f"{path}: no 'dorsal' camera in it")
+        robot = read_robot(given.robot or config_file("robot.yaml"))
+        # Before subscribing: frames that came meanwhile would be lost once the queue is full.
+        warm_up(cameras)
+        self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
+        self._inputs = [self._input(camera) for camera in self._live.views]
+        node.subscription(self, topics.LEG_STATES, self._legs)
+        node.subscription(self, topics.SYNC_LED, self._led)
+        node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
+        self.create_timer(_FOLLOW_S, self._follow)
+        self._health = node.Health(self, self._values, sole=True)
+
+    def _input(self, camera: str) -> ImageInput:
+        view = topics.VIEWS[camera]
+        return ImageInput(self, view.image, view.jpeg, lambda image: self._image(camera, image))
+
+    def _follow(self) -> None:
+        for source in self._inputs:
+            source.follow()
+        self._publish_samples([])
+
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _of_trial(self, text: str) -> None:
+        try:
+            robot = robot_of_trial(text)
+        except InputError as error:
+            self.get_logger().error(str(error))
+            return
+        if robot is not None:
+            self._live.track(robot)
+
+    def _image(self, camera: str, image: Any) -> None:
+        stamp = messages.nanoseconds(image.header.stamp)
+        try:
+            pixels = grey(image, self._settings.current.sensor_bits)
+            self._publish_samples(self._live.frame(camera, stamp, pixels, self._now_ns()))
+        except InputError as error:
+            self._unreadable = f"{camera}: {error}"
+            self.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
+
+    def _led(self, header: Any) -> None:
+        self._unreadable = ""
+        self._latency.restart()
+        self._publish_samples(self._live.led(messages.nanoseconds(header.stamp)))
+
+    def _legs(self, state: Any) -> None:
+        given = dict(zip(state.name, state.position, strict=False))
+        order = self._live.dimensions.leg_order
+        if all(leg in given for leg in order):
+            angles = np.array([given[leg] for leg in order])
+            self._live.legs(messages.nanoseconds(state.header.stamp), angles, self._now_ns())
+            self._publish_samples([])
+
+    def _publish_samples(self, samples: Sequence[tuple[int, Sample]]) -> None:
+        for t_ns, sample in samples:
+            for name in ("com", "front_axle", "rear_axle"):
+                self._publish[name].publish(messages.point(t_ns, getattr(sample, name)))
+            self._publish["speed"].publish(messages.twist(t_ns, sample.v_x, sample.v_z, sample.var_x, sample.var_z))
+            self._latency.add((self._now_ns() - t_ns) * 1e-9)
+        for done in self._live.periods(self._now_ns()):
+            self._publish["mean"].publish(messages.float64(done.speed_m_s))
+            self._publish["lift"].publish(messages.float64(done.lift_m))
+
+    def _values(self) -> dict[str, object]:
+        live = self._live
+        values: dict[str, object] = {
+            **self._latency.values(),
+            "lost_frames": live.lost_frames,
+            "late_frames": live.pairing.late,
+            "samples_without_legs": live.without_legs,
+        }
+        warnings = [self._unreadable, self._latency.warning]
+        for camera, view in live.views.items():
+            values |= {f"{camera}_{what}": value for what, value in _figures(view).items()}
+            counts = live.tracker.counts[camera]
+            for what in ("missing", "lost", "reacquired", "ambiguous"):
+                values[f"{camera}_{what}"] = getattr(counts, what)
+            warnings += [f"{camera}: {view.clock.warning}" if view.clock.warning else ""]
+            warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
+        text = "; ".join(warning for warning in warnings if warning)
+        self._health.level, self._health.text = (1, text) if text else (0, "ok")
+        return values
+
+
+def _figures(view: View) -> dict[str, object]:
+    """Statistics of a camera's clock and stamps, for /diagnostics."""
+    clock, times = view.clock, view.times
+    known = clock.half_width_ns
+    return {
+        "clock": "unknown" if not clock.placed else "as stamped" if known is None else "by the LED",
+        "clock_offset_ms": f"{clock.offset_ns * 1e-6:.3f}",
+        "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
+        "jitter_ms": f"{times.jitter_s * 1e3:.3f}",
+        "period_ms": f"{times.period_s * 1e3:.3f}",
+        "calibrated_ms": f"{times.calibrated_s * 1e3:.3f}",
+        "frames": times.frames,
+        "dropped": times.dropped,
+        "doubled": times.doubled,
+        "out_of_order": times.late,
+        "unplaced": view.unplaced,
+        "led_edges": clock.edges,
+        "led_missed": clock.missed,
+        "led_unannounced": clock.unannounced,
+        "clock_jumps": clock.jumps,
+    }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tracker node."""
+    return node.run(TrackerNode, argv)
