@@ -42,7 +42,7 @@ def devices(tmp_path, start):
 
 def driver(start, kind, *parameters):
     given = [word for one in parameters for word in ("-p", one)]
-    return start(sys.executable, "-m", f"sandbot_hardware.serial_{kind}_node", "--ros-args", *given)
+    return start(sys.executable, "-m", f"sandbot_hardware.nodes.serial_{kind}_node", "--ros-args", *given)
 
 
 def test_legs_and_air_stop_by_themselves_when_the_cable_is_pulled(devices, start, beside):
