@@ -14,7 +14,9 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World, draw_world, null_world
 from sandbot_model.data import quality
+from sandbot_model.data.clustering import conditions
 from sandbot_model.data.quality import checked, trend
+from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, from_rows
 
 PHI, OMEGA = np.linspace(0.58, 0.633, 5).tolist(), [6.0, 10.0, 14.0, 20.0]
@@ -76,6 +78,79 @@ def test_an_error_bar_of_0_is_named_where_it_would_be_used():
     (note,) = checked(means)
     assert note == f"1 speed_sd_m_s is 0 and counts as not given: {CLEAN.trial_id[0]}"
     assert checked(replace(means, replicate=CLEAN.replicate)) == ()
+
+
+def test_a_number_of_the_row_is_no_number_of_trials():
+    numbered = replace(
+        CLEAN,
+        speed_sem_m_s=np.full(len(CLEAN), 0.004),
+        n_trials=np.arange(len(CLEAN)) + 1.0,
+        replicate=np.full(len(CLEAN), np.nan),
+    )
+    with pytest.raises(InputError, match="n_trials counts from 1 to 60, row by row"):
+        checked(numbered)
+    assert checked(replace(numbered, n_trials=np.full(len(CLEAN), 3.0))) == ()
+
+
+def rounded(found, decimals=4):
+    """The table as written by hand: set-points of φ, and values to so many decimals."""
+    values = {o.column: np.round(getattr(found, o.column), decimals) for o in Observable}
+    return replace(found, phi=np.round(found.phi, 2), **values)
+
+
+def with_means(found, columns, decimals=4):
+    """The table and a row of means of each condition, of these columns."""
+    cell, _ = conditions(found.phi, found.gait, found.omega_rad_s)
+    means = [replace(found.rows()[int(np.flatnonzero(cell == one)[0])], trial_id=f"m{one}") for one in np.unique(cell)]
+    for one, row in enumerate(means):
+        empty = {o.column: np.nan for o in Observable}
+        own = {column: round(float(getattr(found, column)[cell == one].mean()), decimals) for column in columns}
+        means[one] = replace(row, **{**empty, **own})
+    return from_rows([*found.rows(), *means])
+
+
+@pytest.mark.parametrize("columns", [["speed_m_s"], ["speed_m_s", "lift_m"]])
+@pytest.mark.parametrize("decimals", [4, 16])
+def test_a_mean_in_every_condition_is_no_trial(columns, decimals):
+    """Read as trials, means made replicates scatter too little, and the true model failed."""
+    table = rounded(trials(order="as_listed"))
+    with pytest.raises(InputError, match="row that is the mean of its others: m0, m1, m2, m3, m4 and 15 more"):
+        checked(with_means(table, columns, decimals))
+    # Control: where one of the conditions has none, it may be a trial.
+    mixed = with_means(table, columns, decimals)
+    mixed.speed_m_s[-1] += 0.01
+    checked(mixed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+@pytest.mark.parametrize("conditions_kept", [1, 2, 20])
+def test_trials_that_rounding_makes_equal_to_a_mean_are_trials(seed, decimals, conditions_kept):
+    table = rounded(trials(seed=seed, order="as_listed"), decimals)
+    checked(table.select(np.arange(3 * conditions_kept)))
+
+
+def test_a_last_row_of_column_means_is_no_trial():
+    table = rounded(trials(order="as_listed"))
+    mean = {name: float(getattr(table, name).mean()) for name in ("phi", "omega_rad_s", "speed_m_s", "lift_m")}
+    last = Row("last", gait=table.gait[0], batch=table.batch[0], run_order=61.0, **mean)
+    with pytest.raises(InputError, match="last is the mean of all other rows in every column"):
+        checked(from_rows([*table.rows(), last]))
+    # Control: a condition in the middle of the design, of which only the speed is the mean, or nothing but the place.
+    for other in (replace(last, lift_m=mean["lift_m"] + 0.002), replace(last, speed_m_s=mean["speed_m_s"] + 0.01)):
+        checked(from_rows([*table.rows(), other]))
+
+
+@pytest.mark.parametrize("column", ["speed_m_s", "lift_m", "first_step_m"])
+def test_a_0_of_a_trial_that_walked_is_named(column):
+    fast = CLEAN.speed_m_s > 0.15
+    notes = checked(changed(column, np.flatnonzero(fast)[::3], 0.0))
+    count = len(np.flatnonzero(fast)[::3])
+    assert any(f"{count} of 60 {column} are exactly 0 though {count} of these trials walked" in note for note in notes)
+
+
+def test_a_lift_of_0_of_a_swimmer_is_none_to_name():
+    assert checked(changed("lift_m", CLEAN.speed_m_s < 0.03, 0.0)) == ()
 
 
 def test_a_status_that_may_mean_ok_is_named():

@@ -143,6 +143,23 @@ def test_a_column_that_is_not_read_is_told(tmp_path, column, told):
     assert read(write(tmp_path, LIFT.format(column))).unread == told
 
 
+@pytest.mark.parametrize(
+    ("columns", "sem_m_s", "trials"),
+    [
+        ("speed_sem_m_s,n_trials", 0.4, 3),
+        ("speed_se_m_s,n", 0.4, 3),
+        ("speed_stderr_cm_s,replicates", 0.004, 3),
+        ("speed standard error [mm/s],Number of trials", 0.0004, 3),
+        # Control: a standard deviation, and the number of a trial.
+        ("speed_sd_m_s,replicate", math.nan, math.nan),
+    ],
+)
+def test_the_standard_error_of_a_mean_and_the_number_of_its_trials_are_read(tmp_path, columns, sem_m_s, trials):
+    found = read(write(tmp_path, f"phi,omega_rad_s,speed_m_s,{columns}\n0.6,8,0.2,0.4,3\n"))
+    assert (found.speed_sem_m_s[0], found.n_trials[0]) == pytest.approx((sem_m_s, trials), nan_ok=True)
+    assert found.unread == ()
+
+
 def test_what_is_no_table(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read(tmp_path / "none.csv")

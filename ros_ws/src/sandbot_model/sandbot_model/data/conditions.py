@@ -18,7 +18,8 @@ from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error, without_batch_effects
 from sandbot_model.data.regime import peaks_seen, starts_on_both_tripods, swam_from_start, walks
 from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
-from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
+from sandbot_model.data.stated_error import COLUMNS as STATED_COLUMNS
+from sandbot_model.data.stated_error import of_single_trials, stated_bars, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
@@ -136,7 +137,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
     values[~peaks_seen(gait, omega, values, robot, accuracy, rate_hz), Observable.peak_speed] = np.nan
     values[swam_from_start(gait, omega, values) | starts_on_both_tripods(gait), Observable.first_step] = np.nan
-    stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
+    stated = np.stack([getattr(trials, name) for name in STATED_COLUMNS])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
     cells = replace(cells, robot=robot, accuracy=accuracy, bars_of_trials=of_single_trials(stated))
@@ -208,7 +209,8 @@ def _gather(
     residual = without_batch_effects(values - mean[cell], cell, shape, batch)
     of_replicates = pure_error(residual, cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
-    error = with_stated(of_replicates, cells.mean(stated_variance(stated, slope)))
+    bars = cells.means(stated_bars(stated, slope).T).T
+    error = with_stated(of_replicates, bars, walking, cells.mean(omega), usual)
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     names = tuple(np.unique(gait)[keys[1]].tolist())

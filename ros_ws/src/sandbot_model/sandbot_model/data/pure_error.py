@@ -68,12 +68,21 @@ def pure_error(
     ``usual (4,)`` the standard deviations of a usual lab, a prior in case the few replicates agree by chance.
     ``rounding (4,)`` are the standard deviations of rounding errors, below which no scatter is believed.
     """
-    least = np.full(residual.shape[1], FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
     cells, observables = count.shape
     square = np.zeros((cells, observables, observables))
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
-    variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
+    return pooled_error(square, np.maximum(count - 1, 0), walking, omega, usual, rounding)
+
+
+def pooled_error(
+    square: Floats, dof: Ints, walking: Bools, omega: Floats, usual: Floats, rounding: Floats | None = None
+) -> PureError:
+    """Pool the cells' sums of squares and products ``square (cells, m, m)`` of ``dof (cells, m)`` degrees of freedom
+    each; the rest as in ``pure_error``, for any number m of observables.
+    """
+    least = np.full(len(usual), FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
+    variance, dof = np.diagonal(square, axis1=1, axis2=2), dof.copy()
     regimes = [regime for regime in (walking, ~walking) if regime.any()]
     keep = _consistent(variance, dof, omega, regimes, least)
     overall = _pooled_variance(variance[keep], dof[keep])

@@ -10,16 +10,18 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
 from sandbot_model.data.distributions import t_sf
-from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, walks
+from sandbot_model.data.mean_rows import LEAST_ROWS, mean_of_columns, means_of_cells
+from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, WALKING_SPEED_M_S, walks
 from sandbot_model.data.rounding import rounding_step
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.geometry import deepest_m
+from sandbot_model.physics.geometry import deepest_m, step_from_lift
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.order import began_at
 from sandbot_record.trials.table import OK, Trials, check_usable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 """Volume fractions that a bed of grains at rest can have."""
@@ -64,6 +66,7 @@ TREND_P = 1e-3
 """p-value below which a trend along the run order is named: with four observables, in less than one clean campaign in
 200."""
 MOST_NAMED = 5
+ERROR_BARS = ("speed_sd_m_s", "speed_sem_m_s")
 
 
 def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
@@ -72,21 +75,22 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     ratio = _ratio_to_limit(used, values)
+    cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     try:
         _refuse_impossible(used, ratio)
         _refuse_wrong_sign(used, values)
         _refuse_backward_runs(used, values, ratio)
         _refuse_low_peaks(used, values)
+        _refuse_means(used, values, cell)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
         *_meant_ok(trials),
         *_fast(used),
         *_too_far(used, ratio),
         *_no_peaks(values),
-        *_zeros(values),
+        *_zeros(used, values),
         *_zero_error_bars(used),
         *_no_levels(used),
         *_far_out(used, values, cell),
@@ -108,11 +112,19 @@ def _refuse_impossible(used: Trials, ratio: Floats) -> None:
             f"phi is {used.phi[outside][0]:g} in {used.trial_id[outside][0]}: grains at rest fill "
             f"{PHI_LOW:g} to {PHI_HIGH:g} of the volume{porosity}"
         )
-    error_bar = used.speed_sd_m_s > np.abs(used.speed_m_s).max()
-    if 2 * error_bar.sum() > np.isfinite(used.speed_sd_m_s).sum():
+    for name in ERROR_BARS:
+        bars = getattr(used, name)
+        wide = bars > np.abs(used.speed_m_s).max()
+        if 2 * wide.sum() > np.isfinite(bars).sum():
+            raise InputError(
+                f"{name} is {bars[wide][0]:g} in {used.trial_id[wide][0]}, more than "
+                "any speed: is it in cm/s (divided by 100)?"
+            )
+    barred = np.isfinite([getattr(used, name) for name in ERROR_BARS]).any()
+    if barred and len(used) >= LEAST_ROWS and (np.diff(used.n_trials) == 1).all():
         raise InputError(
-            f"speed_sd_m_s is {used.speed_sd_m_s[error_bar][0]:g} in {used.trial_id[error_bar][0]}, more than "
-            "any speed: is it in cm/s (divided by 100)?"
+            f"n_trials counts from {used.n_trials[0]:g} to {used.n_trials[-1]:g}, row by row: does it number the rows? "
+            "it is for the number of trials of which a row is the mean"
         )
     for observable in Observable:
         far = ratio[:, observable] > FAR_TOO_FAR
@@ -157,6 +169,19 @@ def _refuse_low_peaks(used: Trials, values: Floats) -> None:
             f"peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, "
             f"and below the mean in {low.sum()} of {count}: are the columns exchanged?"
         )
+
+
+def _refuse_means(used: Trials, values: Floats, cell: Ints) -> None:
+    """Rows that are means of others, not trials."""
+    names = used.trial_id
+    leave = "leave out what is not a trial (or give it a status other than ok)"
+    if rows := means_of_cells(values, cell):
+        raise InputError(
+            f"each condition with several trials has a row that is the mean of its others: "
+            f"{_listed(names[rows].tolist())}; {leave}"
+        )
+    if (row := mean_of_columns(np.stack([used.phi, used.omega_rad_s], axis=-1), values)) is not None:
+        raise InputError(f"{names[row]} is the mean of all other rows in every column; {leave}")
 
 
 def _no_peaks(values: Floats) -> list[str]:
@@ -211,25 +236,40 @@ def _too_far(used: Trials, ratio: Floats) -> list[str]:
     return found
 
 
-def _zeros(values: Floats) -> list[str]:
-    found = []
+def _zeros(used: Trials, values: Floats) -> list[str]:
+    """Observables that are exactly 0 in most trials, or in any that surely walked by another: a peak is so noted too
+    (``_no_peaks``)."""
+    found, walked = [], _surely_walked(used, values)
     for observable in Observable:
         column = values[:, observable]
-        finite = np.isfinite(column)
-        if finite.any() and (column[finite] == 0).mean() >= 0.5:
+        count, zero = np.isfinite(column).sum(), column == 0
+        of_walkers = zero & walked[:, observable] & (observable is not Observable.peak_speed)
+        if count and (2 * zero.sum() >= count or of_walkers.any()):
+            those = f" though {of_walkers.sum()} of these trials walked" if of_walkers.any() else ""
             found.append(
-                f"{(column == 0).sum()} of {finite.sum()} {observable.column} are exactly 0; "
-                "if not measured, leave them empty"
+                f"{zero.sum()} of {count} {observable.column} are exactly 0{those}; if not measured, leave them empty"
             )
     return found
 
 
+def _surely_walked(used: Trials, values: Floats) -> Bools:
+    """Trials that walked, judged without each observable ``(trials, 4)``: lifted beyond an error of the zero, or faster
+    than any swimmer and than a body that was lifted no more."""
+    step_m = step_from_lift(np.array(SURE_LIFT_M), (used.robot or SANDBOT).leg_radius_m)
+    fast = values[:, Observable.speed] > np.maximum(WALKING_SPEED_M_S, used.omega_rad_s * step_m / np.pi)
+    lifted = values[:, Observable.lift] > SURE_LIFT_M
+    without = {Observable.speed: lifted, Observable.lift: fast}
+    return np.stack([without.get(observable, fast | lifted) for observable in Observable], axis=-1)
+
+
 def _zero_error_bars(used: Trials) -> list[str]:
     """Error bars of 0 in rows that are means."""
-    none = (used.speed_sd_m_s == 0) & ~np.isfinite(used.replicate)
-    names = _listed(used.trial_id[none].tolist())
-    are = "1 speed_sd_m_s is 0 and counts" if none.sum() == 1 else f"{none.sum()} speed_sd_m_s are 0 and count"
-    return [f"{are} as not given: {names}"] if none.any() else []
+    found = []
+    for name in ERROR_BARS:
+        none = (getattr(used, name) == 0) & ~np.isfinite(used.replicate)
+        are = f"1 {name} is 0 and counts" if none.sum() == 1 else f"{none.sum()} {name} are 0 and count"
+        found += [f"{are} as not given: {_listed(used.trial_id[none].tolist())}"] if none.any() else []
+    return found
 
 
 def _no_levels(used: Trials) -> list[str]:

@@ -58,8 +58,8 @@ def _no_error_bars(cells: Cells) -> str:
     if not cells.bars_of_trials:
         return "no error bars are given"
     return (
-        "the error bars (speed_sd_m_s) are those of measuring a single trial, for their rows have a replicate number "
-        "(a row that is the mean of a condition has none)"
+        "the error bars of the speed are those of measuring a single trial, for their rows have a replicate number "
+        "or n_trials 1 (a row that is the mean of a condition has none)"
     )
 
 

@@ -15,7 +15,18 @@ from typing import Any
 from sandbot_common import files
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import near
-from sandbot_record.trials.table import COLUMNS, OK, ORDER_AND_TIME, REQUIRED, TEXTS, Row, Trials, check_ids, from_rows
+from sandbot_record.trials.table import (
+    COLUMNS,
+    OF_MEANS,
+    OK,
+    ORDER_AND_TIME,
+    REQUIRED,
+    TEXTS,
+    Row,
+    Trials,
+    check_ids,
+    from_rows,
+)
 
 _BOUNDS = {
     "phi": (0.0, 1.0, "a volume fraction between 0 and 1, both excluded"),
@@ -24,6 +35,7 @@ _BOUNDS = {
     "peak_speed_m_s": (-10.0, 10.0, "a speed in m/s"),
     "lift_m": (-1.0, 1.0, "a length in m"),
     "first_step_m": (-10.0, 10.0, "a length in m"),
+    "n_trials": (-1.0, 1e6, "a number of trials"),
 }
 NAMELESS = re.compile(r"row\d+")
 """Generated ids of trials in tables without a trial_id."""
@@ -38,7 +50,7 @@ _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem"
 """Common names of a spreadsheet's summary rows, in lower case."""
 _MARKS = frozenset({"exclude", "excluded", "outlier", "valid", "use", "used", "ok", "good", "bad", "quality", "flag"})
 """Common names of columns that mark trials to exclude, in lower case."""
-_NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
+_NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s", "speed_sem_m_s")
 _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction", "packing_fraction", "solid_fraction"), "phi"),
     **dict.fromkeys(("omega", "ω", "frequency", "freq", "f", "leg_frequency", "limb_frequency"), "omega_rad_s"),
@@ -47,14 +59,17 @@ _QUANTITIES = {
     "peak_speed": "peak_speed_m_s",
     "first_step": "first_step_m",
     "speed_sd": "speed_sd_m_s",
+    **dict.fromkeys(("speed_sem", "speed_se", "speed_stderr", "speed_standard_error"), "speed_sem_m_s"),
+    **dict.fromkeys(("n", "replicates", "number_of_trials"), "n_trials"),
 }
 _SPEEDS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "μm": 1e-6, "um": 1e-6}
 _FACTORS = {
     "phi": {"1": 1.0, "-": 1.0, "%": 0.01},
     "omega_rad_s": {"rad/s": 1.0, "hz": 2 * math.pi, "rpm": math.pi / 30},
-    **dict.fromkeys(("speed_m_s", "speed_sd_m_s", "peak_speed_m_s"), _SPEEDS),
+    **dict.fromkeys(("speed_m_s", "speed_sd_m_s", "speed_sem_m_s", "peak_speed_m_s"), _SPEEDS),
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
+    "n_trials": {"1": 1.0, "-": 1.0},
 }
 """Conversion factors to the table's units, by the unit in brackets after a quantity."""
 _UNITS = {"m_s": "m/s", "cm_s": "cm/s", "mm_s": "mm/s", "rad_s": "rad/s", "percent": "%"}
@@ -75,11 +90,11 @@ def write_csv(trials: Trials, path: Path) -> None:
 def to_csv(trials: Trials) -> str:
     """The table as CSV text; values not measured are empty, numbers are exact when read back.
 
-    Columns of order and time are written only if they are not empty.
+    Columns of order and time, and of means, are written only if they are not empty.
     """
     rows = trials.rows()
     cells = {name: [_cell(getattr(row, name)) for row in rows] for name in COLUMNS}
-    names = [name for name in COLUMNS if name not in ORDER_AND_TIME or any(cells[name])]
+    names = [name for name in COLUMNS if name not in (*ORDER_AND_TIME, *OF_MEANS) or any(cells[name])]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(names)
@@ -160,11 +175,11 @@ def _unit_in_header(given: str) -> tuple[str, float]:
 def _with_unit(given: str) -> tuple[str, str]:
     """The table's name of a quantity whose column name has a unit, in brackets or at its end, and the unit; else empty.
 
-    A volume fraction needs no unit.
+    A volume fraction and a number of trials need no unit.
     """
     written = _name(given)
-    if _QUANTITIES.get(written) == "phi":
-        return "phi", "1"
+    if (meant := _QUANTITIES.get(written, "")) in ("phi", "n_trials"):
+        return meant, "1"
     if found := re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given):
         return _QUANTITIES.get(_name(found[1]), ""), _unit(found[2])
     # Any other ending is not a unit but part of another name.

@@ -21,6 +21,8 @@ OK = "ok"
 REQUIRED = ("phi", "omega_rad_s", "speed_m_s")
 TEXTS = ("trial_id", "gait", "status", "batch", "started")
 ORDER_AND_TIME = ("batch", "run_order", "started")
+OF_MEANS = ("speed_sem_m_s", "n_trials")
+"""Columns of rows that are means of trials."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,10 @@ class Row:
     run_order: float = math.nan
     started: str = ""
     """ISO 8601."""
+    speed_sem_m_s: float = math.nan
+    """Standard error of a mean of trials."""
+    n_trials: float = math.nan
+    """The number of trials of which the row is the mean."""
     status: str = OK
 
 
@@ -70,6 +76,8 @@ class Trials:
     batch: NDArray[Any]
     run_order: Floats
     started: NDArray[Any]
+    speed_sem_m_s: Floats
+    n_trials: Floats
     status: NDArray[Any]
     robot: Robot | None = None
     """The robot of all trials; None: unknown."""
