@@ -6,9 +6,9 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.predictor import PredictorParameters, predictor_of
 from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import Inputs, Walker
+from sandbot_model.predictor_parameters import PredictorParameters, predictor_of
 
 PARAMETERS = PredictorParameters()
 

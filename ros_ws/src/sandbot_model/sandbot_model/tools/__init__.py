@@ -1,6 +1,6 @@
 """Command-line tools, one module each.
 
-compare, discover, effects, atlas, explore, export, predictor: the commands; door: compare and discover from Python
+compare, discover, effects, atlas, explore, export: the commands; door: compare and discover from Python
 arguments         what several commands share
 answer, tables    what compare and discover print; card: an effect in words
 """
