@@ -55,6 +55,12 @@ def test_usage_says_what_a_parameter_is():
     assert "  way\n      where the air goes; one of in, out (default: 'in')" in told
 
 
+def test_a_large_integer_limit_is_exact():
+    told = usage("lab", "", import_module("sandbot_lab.lab_parameters").LabParameters)
+    assert f"0 to {2**62} (default: 1)" in told
+    assert "e+" not in told
+
+
 @pytest.mark.parametrize("asked", ["--help", "-h"])
 def test_help_starts_nothing(asked, fan, capsys):
     assert fan([asked]) == 0
