@@ -93,7 +93,7 @@ def predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, w
         if name in model.names:
             model.parameter(name).check(value, f"{where}: {name}")
         elif name != "v_swim_m_s":
-            raise InputError(f"{where}: {name!r} is no parameter of this model; it has {', '.join(model.names)}")
+            raise InputError(f"{where}: {name!r} is not a parameter of this model; it has {', '.join(model.names)}")
     starts = dict(zip(model.names, (parameter.start for parameter in model.parameters), strict=True))
     theta = np.array([values.get(name, start) for name, start in starts.items()], dtype=float)
     return Predictor(model, theta, phi, k)
