@@ -84,6 +84,16 @@ def test_code_that_is_gone_is_noticed(text, sources):
     assert gone(text, sources)
 
 
+def diary(page: str) -> list[str]:
+    """What a page tells of earlier versions, which is for decisions and the log."""
+    return re.findall(r"\([Bb]efore: .*?\)|\bthe \d+(?:rd|th|st|nd)\b", page)
+
+
+def test_the_page_of_faults_says_what_happens_now():
+    assert diary((ROOT / "docs" / "faults.md").read_text(encoding="utf-8")) == []
+    assert diary("ignored. (Before: ok), fixes of the 23rd") == ["(Before: ok)", "the 23rd"]
+
+
 @pytest.fixture(scope="module")
 def names():
     """Modules, and the functions and classes in any of them."""
