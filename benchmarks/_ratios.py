@@ -26,6 +26,11 @@ class Ratio:
         """What is compared from run to run."""
         return f"{self.what}, {self.peer}"
 
+    @property
+    def reached(self) -> bool:
+        """Whether the aim is."""
+        return self.value >= self.target
+
 
 def measured() -> list[Ratio]:
     """All ratios, now."""
@@ -56,7 +61,7 @@ def table(ratios: list[Ratio]) -> str:
     """Markdown."""
     lines = ["| what | compared with | ratio | aim | |", "|---|---|---|---|---|"]
     for one in ratios:
-        reached = "reached" if one.value >= one.target else "**short**"
+        reached = "reached" if one.reached else "**short**"
         lines.append(f"| {one.what} | {one.peer} | {one.value:.2f} | {one.target:.2f} | {reached} |")
     return "\n".join(lines)
 

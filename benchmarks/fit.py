@@ -55,7 +55,7 @@ base model to four observables (median of 5), and `discover` with sets of up to 
 
 The speeds of 147 trials by this benchmark: 446 ms before, 83 ms after, beside curve_fit with 21 and 24 ms.
 
-Since the first rows are no longer descended from and settled twice, and v_swim is not scanned (session 43, minutes
+Since the first rows are no longer descended from and settled twice, and v_swim is not scanned (b62fe2e, minutes
 apart): four observables in 30.0 ms before, beside scipy with 18.4, and 18.6 after, with 17.8; as near to the least."""
 
 

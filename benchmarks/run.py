@@ -106,6 +106,7 @@ def commit() -> str:
 
 def readme(ratios: list[_ratios.Ratio], kept: Mapping[str, _figures.Run], names: list[str]) -> str:
     """benchmarks/README.md: ratios and figures beside aims and peers, then what was run of each."""
+    figures = [figure for name in names if name in kept for figure in kept[name].figures]
     lines = [
         "# Benchmarks",
         "",
@@ -120,10 +121,9 @@ def readme(ratios: list[_ratios.Ratio], kept: Mapping[str, _figures.Run], names:
         "",
         "![Ratios relative to their aims](ratios.svg)",
         "",
-        _figures.table([figure for name in names if name in kept for figure in kept[name].figures]),
+        _figures.table(figures),
         "",
-        *_short.lines(),
-        "",
+        *_short.lines(ratios, figures),
         "| report | run | took | load at its end | commit |",
         "|---|---|---|---|---|",
     ]

@@ -33,7 +33,7 @@ python "$tools/demo_live.py" "$live" || failed=$?
 
 if [[ -n $seed ]]; then
   hidden=(--hide "$seed") model=li09
-  step "2/5  blind campaign: 147 trials on the virtual lab; an effect drawn from seed $seed is hidden in it beside the paper's"
+  step "2/5  blind campaign: 147 trials on the virtual lab; an effect drawn from seed $seed is hidden in it in addition to the paper's"
 else
   hidden=() model=simple
   step "2/5  blind campaign: 147 trials on the virtual lab, whose world is sealed"

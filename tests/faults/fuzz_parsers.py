@@ -27,7 +27,7 @@ from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
 from sandbot_model.discovery.choice import from_query, read_selection
 from sandbot_model.physics.formula import formula_effect
-from sandbot_model.physics.predictor import predictor_from_json
+from sandbot_model.predictor_parameters import predictor_from_json
 from sandbot_model.tools import discover
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.recover import recover

@@ -1,10 +1,12 @@
 """What comes along with an import: nobody who reads a bag or fits a model waits for ROS, Dash or OpenCV."""
 
+import ast
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import grimp
 import pytest
 
 import sandbot_model
@@ -118,3 +120,53 @@ def test_every_name_of_a_door_is_there(package):
         assert callable(getattr(package, name))
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         package.nothing  # noqa: B018
+
+
+PACKAGES = sorted(path.parent.name for path in ROOT.glob("ros_ws/src/*/setup.py"))
+ARROW = re.compile(r"^ {4}sandbot_(\w+) .*← (.+)$", flags=re.MULTILINE)
+
+
+def packages_imported(package: str, graph: grimp.ImportGraph) -> set[str]:
+    own = {package, *graph.find_descendants(package)}
+    seen = {name.partition(".")[0] for module in own for name in graph.find_modules_directly_imported_by(module)}
+    return seen & set(PACKAGES) - {package}
+
+
+def differing(page: str, graph: grimp.ImportGraph) -> set[str]:
+    """Packages whose imports are not those of the page's table."""
+    rows = dict(ARROW.findall(page))
+    rows["bringup"] = ", ".join(rows.keys() - {"bringup", *rows["bringup"].removeprefix("all but ").split(", ")})
+    stated = {
+        f"sandbot_{name}": {f"sandbot_{one}" for one in re.sub(r" \(.*?\)|nothing", "", row).split(", ") if one}
+        for name, row in rows.items()
+    }
+    return {name for name in PACKAGES if packages_imported(name, graph) != stated.get(name)}
+
+
+def test_packages_import_what_the_table_of_architecture_says():
+    graph = grimp.build_graph(*PACKAGES, cache_dir=str(ROOT / ".import_linter_cache"))
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert differing(page, graph) == set()
+    assert differing(page.replace("common, clock (gait)", "common, clock, bed"), graph) == {"sandbot_lab"}
+    assert differing(page.replace("all but hardware", "all but clock"), graph) == {"sandbot_bringup"}
+
+
+def without_a_word(room: Path) -> set[str]:
+    """Modules that neither their room's docstring nor that of the room above names; parameters are their node's."""
+    maps = " ".join(ast.get_docstring(ast.parse(one.read_text(encoding="utf-8"))) or "" for one in (
+        path / "__init__.py" for path in (room, room.parent)) if one.is_file())  # fmt: skip
+    modules = {path.stem for path in room.glob("*.py") if not path.stem.endswith(("__init__", "_parameters"))}
+    return modules - set(re.findall(r"\w+", maps))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_map_of_a_room_names_every_module(package):
+    rooms = [path.parent for path in (ROOT / "ros_ws" / "src" / package / package).rglob("__init__.py")]
+    assert {room.name: without_a_word(room) for room in rooms if room.name != "effects" and without_a_word(room)} == {}
+
+
+def test_a_module_that_no_map_names_is_found(tmp_path):
+    (tmp_path / "__init__.py").write_text('"""A room.\n\nhere  is named\n"""\n', encoding="utf-8")
+    for name in ("here", "absent", "node_parameters"):
+        (tmp_path / f"{name}.py").touch()
+    assert without_a_word(tmp_path) == {"absent"}

@@ -81,7 +81,7 @@ def _demo(arguments: Sequence[str]) -> tuple[str, str]:
     parser = cli.Parser(prog="trackway demo", description=f"{VERBS['demo'].says}; two live trials before it.")
     parser.add_argument("out", nargs="?", default=DEMO[0], metavar="FOLDER", help=f"where (default: {DEMO[0]})")
     parser.add_argument(
-        "seed", nargs="?", default=DEMO[1], metavar="SEED", help="hides one more effect beside the paper's"
+        "seed", nargs="?", default=DEMO[1], metavar="SEED", help="hides one more effect in addition to the paper's"
     )
     given = parser.parse_args(arguments)
     return given.out, given.seed

@@ -53,7 +53,7 @@ GROUPS = {
         Verb("record", "topics into a bag", "sandbot_record", ("trackway info {out}", "trackway replay {out}")),
         Verb("replay", "publish what a bag holds", "sandbot_record", ("trackway info {data}",)),
         Verb("info", "what a bag holds, and whether it is whole", "sandbot_record", ("trackway replay {data}",)),
-        Verb("recover", "what is intact of a torn bag into a whole one", "sandbot_record"),
+        Verb("recover", "copies what is intact in a damaged bag into a complete one", "sandbot_record"),
         Verb("table", "bags to the trials table", "sandbot_record", ("trackway compare {data}",)),
     ),
     "understand": (
@@ -66,7 +66,7 @@ GROUPS = {
         ),
         Verb(
             "discover",
-            "which physical effect is missing, or that none is",
+            "names the missing physical effect, or says that none is missing",
             "sandbot_model",
             ("trackway explore {data}", "trackway discover {given} --html report.html"),
             (*SETTING, *BED, "--model"),

@@ -41,7 +41,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "predictor = sandbot_model.tools.predictor:main",
+            "predictor = sandbot_model.predictor_parameters:main",
             "compare = sandbot_model.tools.compare:main",
             "discover = sandbot_model.tools.discover:main",
             "explore = sandbot_model.tools.explore:main",

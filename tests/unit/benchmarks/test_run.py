@@ -1,10 +1,13 @@
 """The whole run: figures beside their aims, samples of what is long, nothing begun that would outlast the hour."""
 
+import re
 from types import SimpleNamespace
 
 import pytest
 
 import _figures
+import _ratios
+import _short
 import run
 from _figures import Figure, Run, share
 
@@ -88,3 +91,48 @@ def test_one_by_itself_changes_its_own_figures_and_no_others(modules, monkeypatc
     assert kept["long"] == other
     assert [one.what for one in kept["figured"].figures] == ["s"]
     assert run.main(["none"]) == 2
+
+
+def test_a_row_that_is_short_has_its_reason_below_and_one_that_is_reached_has_none():
+    what = "page: first page"
+    assert _short.WHY[what] in "\n".join(_short.lines([], [Figure(what, "147 trials", 2.4, "< 1.5 s")]))
+    assert _short.lines([], [Figure(what, "147 trials", 1.2, "< 1.5 s")]) == []
+    assert "no reason given yet" in "\n".join(_short.lines([], [Figure("another", "1", 2.4, "< 1.5 s")]))
+
+
+def test_every_aim_that_the_stored_run_misses_is_explained_and_no_reason_is_of_another_row():
+    rows = [*_ratios.stored(), *(figure for one in _figures.stored().values() for figure in one.figures)]
+    assert {one.what for one in rows if not one.reached} <= set(_short.WHY) <= {one.what for one in rows}
+
+
+def test_the_page_is_that_of_the_stored_run():
+    kept = _figures.stored()
+    figures = [figure for one in kept.values() for figure in one.figures]
+    page = (run.HERE / "README.md").read_text(encoding="utf-8")
+    for table in (_figures.table(figures), "\n".join(_short.lines(_ratios.stored(), figures))):
+        assert table in page
+
+
+COUNTS = [
+    ("hidden", r"^(\d+) worlds of the virtual lab", "measured on {} worlds"),
+    ("hidden", r"named first \|.*\((\d+) of (\d+)\)", "In {} of {} worlds with a strong enough effect"),
+    ("hidden", r"pairs found \|.*\((\d+) of \1\)", "all of {} pairs"),
+    ("hidden", r"null worlds \|.*\(0 of (\d+)\)", "In {} worlds with nothing hidden, nothing was claimed"),
+    ("hidden", r"not identified \|.*\((\d+) of \1\)", "in none of {} worlds with an effect from outside"),
+    ("README", r"under a week's nuisances \| 0 of (\d+) campaigns", "no claim in {} campaigns was false"),
+    (
+        "trials_to_verdict",
+        r"until verdict \| (\d+) \| \d+ \((\d+)%\) \| 0 .* \| (\d+) \(",
+        "In {} campaigns of 21 worlds it was right in {} %, made no false claim and took {} trials",
+    ),
+    ("trials_to_verdict", r"grid 7 x 7 x 3 .*\(97%\).* (\d+) \(", "which is right as often, takes {} "),
+]
+"""A report, its numbers, and the sentence of /README.md that gives them."""
+
+
+@pytest.mark.parametrize(("report", "numbers", "sentence"), COUNTS)
+def test_readme_gives_the_counts_of_the_reports(report, numbers, sentence):
+    found = re.search(numbers, (run.HERE / f"{report}.md").read_text(encoding="utf-8"), flags=re.M)
+    readme = " ".join((run.HERE.parent / "README.md").read_text(encoding="utf-8").split())
+    assert sentence.format(*found.groups()) in readme
+    assert sentence.format(*(int(one) + 1 for one in found.groups())) not in readme

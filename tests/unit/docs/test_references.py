@@ -23,6 +23,8 @@ PAPERS = {"Li09", "Li", "CPython"}
 PATH = re.compile(rf"(?<![\w/.{{}}*-])(?:{'|'.join(FOLDERS)})/[\w./-]*[\w/]")
 DECISION = re.compile(r"\bdecision\s+(?P<number>\d+)\b")
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)(?P<path>[^)#\s]+)")
+SESSION = re.compile(r"\b[Ss]ession \d+")
+"""Of which a reader of the repository has none: a date, or a commit."""
 MODULE = re.compile(r"\bsee ``(?P<name>[a-z_]+)``")
 
 CODE = re.compile(r"`(?:\w+\.)*(\w+)\.((?!(?:py|md|xml|yaml|csv|jsonl?)`)[A-Za-z]\w*)`")
@@ -45,6 +47,7 @@ def missing(text: str, path: Path, names: set[str]) -> list[str]:
             found.append(one[0])
     found += [one[0] for one in PATH.finditer(text) if not (ROOT / one[0].rstrip(".")).exists()]
     found += [one[0] for one in DECISION.finditer(text) if int(one["number"]) not in DECISIONS]
+    found += [one[0] for one in SESSION.finditer(text)]
     if path.suffix == ".md":
         found += [one[0] for one in LINK.finditer(text) if not (path.parent / one["path"]).exists()]
     found += [one[0] for one in MODULE.finditer(text) if one["name"] not in names]
@@ -81,6 +84,16 @@ def test_code_that_is_gone_is_noticed(text, sources):
     assert gone(text, sources)
 
 
+def diary(page: str) -> list[str]:
+    """What a page tells of earlier versions, which is for decisions and the log."""
+    return re.findall(r"\([Bb]efore: .*?\)|\bthe \d+(?:rd|th|st|nd)\b", page)
+
+
+def test_the_page_of_faults_says_what_happens_now():
+    assert diary((ROOT / "docs" / "faults.md").read_text(encoding="utf-8")) == []
+    assert diary("ignored. (Before: ok), fixes of the 23rd") == ["(Before: ok)", "the 23rd"]
+
+
 @pytest.fixture(scope="module")
 def names():
     """Modules, and the functions and classes in any of them."""
@@ -103,6 +116,7 @@ def test_everything_cited_is_here(path, names):
     [
         "as design §7 has it", "physics §99", "docs/nowhere.md", "tests/unit/test_none.py", "see decision 999",
         "[page](nowhere.md)", "(see ``unheard_of_module``)", "[physics](physics.md) §99",
+        "Until session 21",
     ],
 )  # fmt: skip
 def test_what_is_not_here_is_noticed(text, names):

@@ -19,7 +19,7 @@ def test_half_a_character_in_an_order_is_answered_and_does_not_end_the_campaign(
     one._content = lambda: {"answers": one._answers}
     one._status = SimpleNamespace(publish=lambda message: said.append(message.data.encode()))
     one._on_command(messages.string('{"id": "\\ud800", "do": "dance"}'))
-    assert "no order" in json.loads(said[-1])["answers"]["\ud800"]["message"]
+    assert "not an order" in json.loads(said[-1])["answers"]["\ud800"]["message"]
 
 
 PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)

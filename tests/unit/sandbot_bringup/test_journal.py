@@ -65,7 +65,7 @@ def test_a_full_disk_costs_no_event_that_is_kept(path, request):
 @pytest.mark.parametrize("line", ["no json", "[1]", '{"who": "me"}', '{"do": "dance"}'])
 def test_a_line_that_is_no_event_is_named(path, line):
     path.write_text('{"do": "begin"}\n' + line + "\n")
-    with pytest.raises(InputError, match=r"journal\.jsonl: line 2 is no event"):
+    with pytest.raises(InputError, match=r"journal\.jsonl: line 2 is not an event"):
         Journal(path, lambda: 0.0)
 
 

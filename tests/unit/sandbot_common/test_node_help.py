@@ -13,13 +13,20 @@ NODES = {
     "sandbot_bed.bed_parameters": "BedParameters",
     "sandbot_tracking.tracker_parameters": "TrackerParameters",
     "sandbot_tracking.camera_parameters": "CameraParameters",
-    "sandbot_model.tools.predictor": "PredictorParameters",
+    "sandbot_model.predictor_parameters": "PredictorParameters",
     "sandbot_lab.lab_parameters": "LabParameters",
     "sandbot_bringup.console_parameters": "ConsoleParameters",
     "sandbot_hardware.serial_bed_parameters": "SerialBedParameters",
     "sandbot_hardware.serial_camera_parameters": "SerialCameraParameters",
-    "sandbot_hardware.serial_legs_parameters": "LegsParameters",
+    "sandbot_hardware.serial_legs_parameters": "SerialLegsParameters",
 }
+
+
+@pytest.mark.parametrize(("module", "name"), NODES.items())
+def test_parameters_of_a_node_are_in_the_module_of_their_name(module, name):
+    stem = module.rpartition(".")[2]
+    assert stem.title().replace("_", "") == name
+    assert hasattr(import_module(module), name)
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,12 @@ def test_usage_says_what_a_parameter_is():
     assert "\nThe fan.\n" in told
     assert "  rate_hz\n      turns a second [Hz], 0 to 20 (default: 5.0)" in told
     assert "  way\n      where the air goes; one of in, out (default: 'in')" in told
+
+
+def test_a_large_integer_limit_is_exact():
+    told = usage("lab", "", import_module("sandbot_lab.lab_parameters").LabParameters)
+    assert f"0 to {2**62} (default: 1)" in told
+    assert "e+" not in told
 
 
 @pytest.mark.parametrize("asked", ["--help", "-h"])

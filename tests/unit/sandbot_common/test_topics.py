@@ -1,3 +1,6 @@
+import re
+from pathlib import Path
+
 import pytest
 
 from sandbot_common import messages, topics
@@ -27,3 +30,10 @@ def test_tripods_alternate_sides():
         front, middle, rear = (leg.split("_")[1] for leg in tripod)
         assert front == rear != middle
         assert [leg.split("_")[0] for leg in tripod] == ["front", "middle", "rear"]
+
+
+def test_cameras_are_named_in_one_place():
+    typed = re.compile(r"""\(["']dorsal["'], ["']lateral["']\)""")
+    sources = Path(__file__).parents[3].glob("ros_ws/src/*/*/**/*.py")
+    assert [path.name for path in sources if typed.search(path.read_text(encoding="utf-8"))] == []
+    assert typed.search(repr(tuple(topics.VIEWS)))

@@ -1,5 +1,6 @@
 """Short cuts for the lab's tests."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,21 @@ from sandbot_lab.robot import simulate
 from sandbot_lab.world import World, null_world, read_world
 
 CONFIG = Path(__file__).resolve().parents[3] / "ros_ws/src/sandbot_bringup/config"
-QUIET = null_world().with_noise(0.0)
+
+
+def with_noise(world, scale):
+    """The same world with every noise multiplied by ``scale``."""
+    return replace(world, noise=replace(world.noise, scale=scale))
+
+
+QUIET = with_noise(null_world(), 0.0)
 SGCS = read_world(CONFIG / "sgcs_world.yaml").walked_by(Robot(leg_mount_rad=0.5))
 R, H, M, G = 0.0355, 0.025, 0.767, 9.81
 
 
 def with_effect(name, **parameters):
     """The null world without noise, plus one effect."""
-    return World(effects={name: parameters}).with_noise(0.0)
+    return with_noise(World(effects={name: parameters}), 0.0)
 
 
 def setpoints(omega, gait="UNIFORM", rate_hz=200.0):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
-from sandbot_lab.bed import BedParameters, LabBed
+from sandbot_lab.bed import LabBed, LabBedParameters
 
 
 def blow(bed, seconds, level=0.6):
@@ -44,7 +44,7 @@ def test_longer_pulses_pack_more_and_no_two_beds_alike():
 
 
 def test_height_gives_the_volume_fraction():
-    bed, p = LabBed(seed=2, phi=0.61), BedParameters()
+    bed, p = LabBed(seed=2, phi=0.61), LabBedParameters()
     heights = np.array([bed.read_height_m() for _ in range(400)])
     assert heights.std() == pytest.approx(p.sensor_sd_m, rel=0.15)
     assert p.mass_kg / (p.grain_density_kg_m3 * p.area_m2 * heights.mean()) == pytest.approx(0.61, abs=1e-4)

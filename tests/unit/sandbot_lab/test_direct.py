@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rig import QUIET, expected, setpoints
+from rig import QUIET, expected, setpoints, with_noise
 
 from sandbot_common.errors import InputError
 from sandbot_lab.direct import COLUMNS, ReadingErrors, direct_trials, readings
@@ -40,7 +40,7 @@ def test_a_row_does_not_depend_on_its_neighbours():
 def test_the_noise_scale_is_the_scatter():
     scatter = []
     for scale in (0.5, 2.0):
-        rows = direct_trials(null_world().with_noise(scale), [0.58], [20.0], replicates=60)
+        rows = direct_trials(with_noise(null_world(), scale), [0.58], [20.0], replicates=60)
         scatter.append(np.std([row["speed_m_s"] for row in rows], ddof=1))
     assert scatter[0] == pytest.approx(0.0025, rel=0.3)
     assert scatter[1] == pytest.approx(0.010, rel=0.3)

@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from rig import CONFIG
+from rig import CONFIG, QUIET, with_noise
 
 from sandbot_clock.gait import Gait, leg_angles
 from sandbot_common.robot import read_robot
 from sandbot_lab.direct import readings
 from sandbot_lab.robot import simulate
-from sandbot_lab.world import null_world, read_world
+from sandbot_lab.world import read_world
 
 ROOT = Path(__file__).resolve().parents[3]
 PAPER = yaml.safe_load((ROOT / "reference/li09.yaml").read_text())
 ROBOT = read_robot(CONFIG / "sgcs_robot.yaml")
-LI09 = read_world(CONFIG / "li09_world.yaml").with_noise(0.0).walked_by(ROBOT)
+LI09 = with_noise(read_world(CONFIG / "li09_world.yaml"), 0.0).walked_by(ROBOT)
 PHI = (0.580, 0.590, 0.600, 0.611, 0.616, 0.622, 0.633)
 OMEGA = np.arange(4.0, 30.5, 0.5)
 FRAME_S = 0.01
@@ -101,6 +101,6 @@ def test_steps_end_their_shrinking_where_the_paper_sees_the_transition():
 
 def test_another_world_is_not_the_papers():
     """Control: the demonstration's null world walks at 30 rad/s, and at 16 on ground of 0.600."""
-    other = null_world().with_noise(0.0).walked_by(ROBOT)
+    other = QUIET.walked_by(ROBOT)
     assert speed(0.633, 30.0, world=other) > 0.2
     assert speed(0.600, 16.0, world=other) > 0.1

@@ -96,12 +96,6 @@ def test_an_effect_drawn_beside_others_leaves_them_as_they_are(seed):
         draw_additional(full, seed)
 
 
-def test_noise_scale_changes_nothing_else():
-    loud = null_world().with_noise(2.0)
-    assert loud.noise.scale == 2.0
-    assert dataclasses.replace(loud, noise=null_world().noise) == null_world()
-
-
 def test_keys_of_earlier_versions_are_read_and_their_new_names_said(capsys):
     old = {
         "k_knots_n_m": [100.0, 110.0, 120.0],

@@ -6,6 +6,7 @@ folder            the campaign folder's layout; provenance: a bag's record of it
 runner            a campaign in batch, over worker processes; batch, trial_bag: one trial of it, and its bag
 until             a campaign until a verdict; truth: the lab's sealed world, opened afterwards
 queue             trials done and to come; streak: repeated failures; journal: log of events
+preparation       whether a requested preparation of the bed has ended
 hold              whether the campaign may go on; supervision: who has fallen silent; recorder_process: the recorder
 console           the page's state; safety: legs and air; marks: pictures; console_page: its HTTP
 scene             shapes for RViz and Foxglove; scene_messages: as messages

@@ -136,7 +136,7 @@ def _film(
     body, film = setup.world.walked_by(setup.robot).body, setup.world.film
     views = {
         name: LabCamera(name, setup.cameras[name], trial.seed, body, film)  # type: ignore[arg-type]
-        for name in ("dorsal", "lateral")
+        for name in topics.VIEWS
     }
     kept = frames_kept(setup.plan, trial)
     tracker, means = new_tracker(), PeriodMeans()

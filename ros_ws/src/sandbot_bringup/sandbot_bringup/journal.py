@@ -28,7 +28,7 @@ class Journal:
     def add(self, who: str, do: str, **what: object) -> None:
         """Log an event. Raises ValueError if ``read_journal`` would refuse it, InputError on a full disk."""
         if do not in KINDS:
-            raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
+            raise ValueError(f"{do!r} is not an event; known: {', '.join(KINDS)}")
         at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
         event = {"at": at, "who": who, "do": do, **what}
         append_line(self._path, event)
@@ -48,7 +48,7 @@ def read_journal(path: Path) -> list[Event]:
         except (ValueError, KeyError, TypeError):
             known = False
         if not known:
-            raise InputError(f"{path}: line {number} is no event of a campaign: {line[:80]!r}")
+            raise InputError(f"{path}: line {number} is not an event of a campaign: {line[:80]!r}")
         events.append(event)
     return events
 

@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sandbot_common import topics
+
 LOOP = "its loop"
 """In place of a topic: any sign that a node's loop turns, its health or a heartbeat with a new loop time."""
 
@@ -107,7 +109,7 @@ class Supervisor:
 
 def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """What is wrong with rate or synchronisation of the cameras, from two of the tracker's statuses; empty: nothing."""
-    for camera in ("dorsal", "lateral"):
+    for camera in topics.VIEWS:
         if f"{camera}_calibrated_ms" not in after:
             continue
         if int(after[f"{camera}_frames"]) <= int(before.get(f"{camera}_frames", 0)):
@@ -117,7 +119,7 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
             return f"the {camera} camera takes {rate:.3g} frames a second, cameras.yaml says {calibrated:.3g}"
     # Before the LED's first flash the offset between the cameras' clocks is unknown.
-    if all(after.get(f"{camera}_clock") == "by the LED" for camera in ("dorsal", "lateral")):
+    if all(after.get(f"{camera}_clock") == "by the LED" for camera in topics.VIEWS):
         frames, lost = (int(after[what]) - int(before.get(what, 0)) for what in ("dorsal_frames", "lost_frames"))
         if lost > OUT_OF_STEP * frames:
             views = f"{lost} views without a partner for {frames} dorsal frames"
@@ -131,7 +133,7 @@ def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     A camera that has seen the LED in an earlier trial must see it in this one. A camera that never saw it has no LED in
     view, or films only from the flash on, as the virtual lab's do in the first trial.
     """
-    for camera in ("dorsal", "lateral"):
+    for camera in topics.VIEWS:
         edges, edges_after, jumps, jumps_after = (
             int(values.get(f"{camera}_{what}", 0))
             for what in ("led_edges", "clock_jumps")

@@ -5,6 +5,7 @@ cli         command lines that print this line and exit with code 2
 suggest     "did you mean …?" for a misspelt name
 terminal    coloured output in lines of 80 columns
 lazy        public names of a package, imported on first access
+typed       types of arguments of the Python API, checked when it is called
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
 files       reading text, YAML, JSON and CSV; atomic writing through a temporary file
 config      where the project's own configuration files are installed
@@ -14,7 +15,8 @@ accuracy    how well a trial is measured (cameras.yaml)
 crew        parallel work: on worker processes, or
   workers   processes that leave Ctrl-C to their parent and end with it
   cluster   on the workers of a Dask cluster
-process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host
+process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host;
+            dead_ports: those of killed nodes, which a new one should not take
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS

@@ -71,13 +71,17 @@ def specs(cls: type) -> tuple[Spec, ...]:
     )
 
 
+def _exact(limit: float) -> str:
+    return f"{limit:d}" if isinstance(limit, int) else f"{limit:g}"
+
+
 def usage(program: str, about: str, cls: type) -> str:
     """The ``--help`` text of a node: its command line, what it does, its parameters with range and default."""
     lines = [f"usage: {program} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE.yaml]]", "", about.strip(), ""]
     default = cls()
     for spec in specs(cls):
         bounded = math.isfinite(spec.low) or math.isfinite(spec.high)
-        limits = f", {spec.low:g} to {spec.high:g}" if bounded else ""
+        limits = f", {_exact(spec.low)} to {_exact(spec.high)}" if bounded else ""
         lines += [f"  {spec.name}", f"      {spec.described}{limits} (default: {getattr(default, spec.name)!r})"]
     return "\n".join(lines)
 

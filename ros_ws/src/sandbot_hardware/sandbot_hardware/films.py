@@ -13,15 +13,16 @@ from typing import Any
 import cv2
 import numpy as np
 
+from sandbot_common import topics
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import Robot
 from sandbot_hardware import lines
-from sandbot_hardware.terminal import Terminal
+from sandbot_hardware.pseudo_terminal import Terminal
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.world import START_X_M, null_world
 
-CAMERAS = ("dorsal", "lateral")
+CAMERAS = tuple(topics.VIEWS)
 JPEG_QUALITY = 95
 PRIORITY = 1
 """Real time, as a real camera keeps its rate however busy the host is; but below all nodes that command."""

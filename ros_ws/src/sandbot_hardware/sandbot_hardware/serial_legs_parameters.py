@@ -7,7 +7,7 @@ from sandbot_common.parameters import parameter
 
 
 @dataclass(frozen=True)
-class LegsParameters:
+class SerialLegsParameters:
     """The line to the controller, and its lease."""
 
     device: str = parameter("/dev/ttyUSB1", doc="serial line of the leg controller")
@@ -16,7 +16,7 @@ class LegsParameters:
     legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
 
 
-main = cli.node("sandbot_hardware.nodes.serial_legs_node", LegsParameters)
+main = cli.node("sandbot_hardware.nodes.serial_legs_node", SerialLegsParameters)
 
 if __name__ == "__main__":
     raise SystemExit(main())

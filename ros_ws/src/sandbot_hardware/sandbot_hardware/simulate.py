@@ -21,7 +21,7 @@ from sandbot_common.robot import Robot
 from sandbot_hardware.devices import BedController, LegController
 from sandbot_hardware.films import CAMERAS, film
 from sandbot_hardware.lines import Line
-from sandbot_hardware.terminal import Terminal
+from sandbot_hardware.pseudo_terminal import Terminal
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import check_cameras
 from sandbot_lab.stage import NANO, LiveTrial, warm_up

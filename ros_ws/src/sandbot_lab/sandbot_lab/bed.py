@@ -13,7 +13,7 @@ from sandbot_common.parameters import parameter
 
 
 @dataclass(frozen=True)
-class BedParameters:
+class LabBedParameters:
     """The bed and its sensor."""
 
     mass_kg: float = parameter(79.75, unit="kg", doc="mass of the grains", low=0.1, high=1e4)
@@ -34,7 +34,7 @@ class LabBed:
 
     def __init__(self, seed: int, phi: float | None = None) -> None:
         """The bed as the last trial left it: at ``phi``, by default somewhere between loose and close."""
-        self.parameters = BedParameters()
+        self.parameters = LabBedParameters()
         # The sensor has its own random stream: how often it is read must not change how the grains pack.
         self._rng, self._sensor = (np.random.default_rng([seed, 0xBED, stream]) for stream in range(2))
         p = self.parameters

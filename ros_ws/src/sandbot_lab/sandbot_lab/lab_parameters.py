@@ -20,7 +20,7 @@ class LabParameters:
     seed: int = parameter(1, doc="random seed of the bed", low=0, high=2**62)
     trial_seed: int = parameter(1, doc="random seed of the next trial", low=0, high=2**62)
     batch_seed: int = parameter(0, doc="random seed that the next trial shares with its batch", low=0, high=2**62)
-    progress: float = parameter(0.0, doc="progress of the campaign at the next trial, 0 to 1", low=0.0, high=1e3)
+    progress: float = parameter(0.0, doc="progress of the campaign; 1: at its last planned trial", low=0.0, high=1e3)
     phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
     start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
     images: bool = parameter(True, doc="whether the cameras run")

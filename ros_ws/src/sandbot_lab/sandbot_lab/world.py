@@ -114,10 +114,6 @@ class World:
         knots = tuple(factor * k for k in self.k_knots_n_per_m)
         return dataclasses.replace(self, k_knots_n_per_m=knots, resistive=ground)
 
-    def with_noise(self, scale: float) -> "World":
-        """The same world with every noise multiplied by ``scale``."""
-        return dataclasses.replace(self, noise=dataclasses.replace(self.noise, scale=scale))
-
 
 def null_world() -> World:
     """The world without effects, which the base model describes (k with a knee at φ = 0.6, Δt = 0.4 s)."""

@@ -14,7 +14,7 @@ The rooms, each of which imports only those above it in this list:
     design/     what to run next and when to stop
     report/     figures and the self-contained page
     explore/    the interactive page
-    nodes/      the predictor for the running trial
+    predictor_parameters, nodes/  the predictor for the running trial (predictor_node)
     tools/      the commands
 """
 

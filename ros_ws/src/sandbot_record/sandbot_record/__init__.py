@@ -17,13 +17,14 @@ bags/             (knows nothing of trials)
   definitions     which channel of a file is which topic
   metadata        metadata.yaml (rosbag2 version 9)
   mcap_writer, mcap_scan   one .mcap file: written in chunks that survive a crash; read block by block
-  foreign         bags of other storages and encodings, read through rosbags
+  foreign         bags of other storages and encodings, read through rosbags; translate: messages of other releases
 trials/
   read            read_trials: one table from a campaign folder, bags or CSV files
-  table           Trials: one row a trial
-  csv_table       the table as CSV
-  from_bags       one bag to one row; a campaign to a table, in parallel, cached
-  film_strip      kept frames with the tracked marks drawn on them
+  table           Trials: one row per trial; csv_table, frame: from CSV and pandas; order, copies: of its rows
+  setting         what all trials share: robot, frame rate, accuracy
+  from_bags       one bag to one row; a campaign to a table, in parallel; cache: so that no bag is read twice
+  judge           whether a trial went as planned; publishers: whether it alone published; legs: by name
+  film            kept frames with the tracked marks drawn on them; film_strip: a few of them
 nodes/            recorder_node and replay_node connect them to ROS
 tools/            record, replay, recover, info, table
 """

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common import topics
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.camera_clock import NANO, CameraClock
@@ -103,7 +104,7 @@ class LiveTracker:
     def __init__(self, cameras: Mapping[str, Camera], robot: Robot = SANDBOT, tolerance_s: float = 0.0) -> None:
         """``tolerance_s``: largest time [s] between two views of one instant; 0: half a dorsal frame period."""
         self.dimensions = robot
-        self._cameras = {name: cameras[name] for name in ("dorsal", "lateral") if name in cameras}
+        self._cameras = {name: cameras[name] for name in topics.VIEWS if name in cameras}
         self.views = {name: View(camera) for name, camera in self._cameras.items()}
         tolerance_s = tolerance_s or 0.5 / cameras["dorsal"].frame_rate_hz
         self.pairing: Pairing[Marks | Axles] = Pairing(tuple(self._cameras), round(tolerance_s * NANO))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common import topics
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
@@ -104,7 +105,7 @@ def track(
         raise InputError(f"omega_rad_s: {omega_rad_s} is not a leg frequency of 0.1 to 200 rad/s")
     if start_s is not None and not np.isfinite(start_s):
         raise InputError(f"start_s: {start_s} is not a time in s")
-    cameras = _cameras(calibration, ("dorsal",) if lateral is None else ("dorsal", "lateral"))
+    cameras = _cameras(calibration, ("dorsal",) if lateral is None else tuple(topics.VIEWS))
     walker = robot if isinstance(robot, Robot) else read_robot(robot)
     tracker = OfflineTracker(cameras, walker, omega_rad_s=omega_rad_s)
     led_s, timing = _follow(tracker, cameras, str(video), None if lateral is None else str(lateral))

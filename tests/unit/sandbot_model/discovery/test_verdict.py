@@ -169,8 +169,8 @@ BOTH = "but only with delta_t_s = 1.75 (plausible: 0.1 to 1.2) and v_swim_m_s = 
 
 def test_a_base_model_that_needs_numbers_nobody_believes_says_so_once():
     plain, strange = (made(deviance=60.0, delta_t=(1.75, 0.02), implausible=names) for names in ((), MANY))
-    assert judged(plain).because.endswith("replicates scatter (lack of fit p = 0.5)")
-    assert judged(strange).because.endswith(f"replicates scatter (lack of fit p = 0.5), {BOTH}")
+    assert judged(plain).because.endswith("the scatter of replicates (lack of fit p = 0.5)")
+    assert judged(strange).because.endswith(f"the scatter of replicates (lack of fit p = 0.5), {BOTH}")
     assert judged(strange).status == "adequate"
 
 
@@ -178,7 +178,7 @@ def test_a_base_model_that_needs_numbers_nobody_believes_says_so_once():
 def test_a_claim_says_why_a_base_model_that_passes_is_not_enough(rivals):
     strange = made(deviance=200.0, delta_t=(1.75, 0.02), implausible=MANY)
     because = judged(strange, made("a", deviance=60.0), *rivals).because
-    assert because.startswith("the simple model misses the cell means by no more than replicates scatter")
+    assert because.startswith("the simple model misses the cell means by no more than the scatter of replicates")
     assert f"{BOTH}; with a the deviance falls from 200 to 60" in because
     assert because.count("deviance falls") == 1
     # One that fails needs no other reason.

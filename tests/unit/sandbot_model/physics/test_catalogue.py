@@ -94,13 +94,13 @@ def test_an_import_that_never_was_is_refused(tmp_path):
         (OWN.replace('"strength"', '"muscle"'), "stage 'muscle' is not one of"),
         (OWN.replace('    seen_in = "v"\n', ""), "has no seen_in"),
         (OWN.replace('"boost"', '"leg_slip"'), "already"),
-        (OWN.replace('"gain"),)', '"gain"))'), "parameters is no tuple; is a comma missing"),
+        (OWN.replace('"gain"),)', '"gain"))'), "parameters is not a tuple; is a comma missing"),
         (
             OWN.replace('Parameter("a", "1", 0.0, 0.5, 0.1, "gain")', '"a"'),
             "parameters holds 'a', expected a Parameter",
         ),
         *(
-            (OWN.replace("0.0, 0.5, 0.1", numbers), f"a: from {words} is no range, low < high is needed")
+            (OWN.replace("0.0, 0.5, 0.1", numbers), f"a: from {words} is not a range, low < high is needed")
             for numbers, words in {
                 "0.1, 0.1, 0.1": "0.1 to 0.1",
                 "0.0, float('inf'), 0.1": "0.0 to inf",

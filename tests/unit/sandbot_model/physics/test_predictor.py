@@ -6,9 +6,9 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.predictor import PredictorParameters, predictor_of
 from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import Inputs, Walker
+from sandbot_model.predictor_parameters import PredictorParameters, predictor_of
 
 PARAMETERS = PredictorParameters()
 
@@ -135,7 +135,7 @@ def test_effects_and_values_by_name():
     ("given", "message"),
     [
         ({"effects": "overlap"}, "not in the catalogue"),
-        ({"values": "stance_overlap.eta=0.2"}, "no parameter of this model"),
+        ({"values": "stance_overlap.eta=0.2"}, "not a parameter of this model"),
         (
             {"effects": "stance_overlap", "values": "stance_overlap.eta=12"},
             "values: stance_overlap.eta=12: at least 0 and",

@@ -12,7 +12,7 @@ from sandbot_common import messages, topics
 from sandbot_common.robot import Robot, to_mapping
 from sandbot_common.ros import node
 from sandbot_model.nodes.predictor_node import PredictorNode
-from sandbot_model.physics.predictor import PredictorParameters
+from sandbot_model.predictor_parameters import PredictorParameters
 
 BIG = Robot(leg_radius_m=0.05, leg_mount_rad=0.5)
 

@@ -135,8 +135,8 @@ class Desk:
                 said = queue.add(what)
             case other:
                 raise InputError(
-                    f"campaign/command: {other!r} with {sorted(what)} is no order: skip or repeat with trial_id, or "
-                    "add with phi, omega_rad_s, replicates and gait"
+                    f"campaign/command: {other!r} with {sorted(what)} is not an order: skip or repeat with trial_id, "
+                    "or add with phi, omega_rad_s, replicates and gait"
                 )
         # If writing fails the order is refused, and nothing has changed, not even what a resumed campaign would run.
         self._journal.add("operator", do, **what, followed=said)

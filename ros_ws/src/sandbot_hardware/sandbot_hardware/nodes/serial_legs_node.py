@@ -30,7 +30,7 @@ from sandbot_hardware import lines
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
-from sandbot_hardware.serial_legs_parameters import LegsParameters
+from sandbot_hardware.serial_legs_parameters import SerialLegsParameters
 
 WATCH_S = 0.01
 KEPT = 50
@@ -44,7 +44,7 @@ class SerialLegs(Node):
 
     def __init__(self) -> None:
         super().__init__("serial_legs")
-        given = node.Parameters(self, LegsParameters, fixed).current
+        given = node.Parameters(self, SerialLegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""

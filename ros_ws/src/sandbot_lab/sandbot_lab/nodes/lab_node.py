@@ -48,7 +48,7 @@ WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 A_TURN_RAD = 2 * np.pi
 """If the first set-point is farther on, the walk had begun before: the legs would jump to its present angle."""
-CAMERAS = ("dorsal", "lateral")
+CAMERAS = tuple(topics.VIEWS)
 PRIORITY = 1
 """Below all nodes that command."""
 MAX_UNREAD = 40

@@ -1,1 +1,8 @@
-"""Trials gathered into cells, with their pure error: what every fit and every test is measured against."""
+"""Trials gathered into cells, with their pure error: what every fit and every test is measured against.
+
+conditions    trials to cells; clustering: φ and ω to levels; covariate: speeds at the level's φ
+pure_error    the scatter of replicates; stated_error: error bars instead; rounding: the least it can be
+quality       what is odd about the trials; regime: whether they walked or swam
+penetrometer  readings of the ground's strength
+distributions tails of χ², F, t and beta
+"""

@@ -6,8 +6,9 @@ compare          a ladder of named effects; ladder: the same as a table; reprodu
 choice           what the user of the explorer selected
 verdict          the rules; criteria: their thresholds
   partial        one effect repairs most; untested: whether pure error is known well enough
-  sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are random
-  checks of a claim: calibration, conventions, lone_trials, one_observable, plausibility, smooth, stability
+  sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are
+                 random; batch_sd: their standard deviations; nuisances_in_words: as text
+  checks of a claim: calibration_error, conventions, lone_trials, one_observable, plausibility, smooth, stability
 limits, unseen   effects that are absent, or would not show; power: detectable strengths; error_rates: of the verdict
 next_trials      trials that discriminate between the surviving sets; fingerprint: where an effect would show
 formula_search   a formula to try where no effect fits; residual, scored_terms, term_library

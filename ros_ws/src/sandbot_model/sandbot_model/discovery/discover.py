@@ -19,7 +19,7 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
+from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
 from sandbot_model.discovery.conventions import (
     admit_rivals,

@@ -1,6 +1,6 @@
 """Where an effect would show: the residuals of the base model fitted to trials in which the effect is present.
 
-The trials are simulated with the predictor's default k(φ) and Δt and scatter as the usual cameras' do. The base model's
+The trials are simulated with the usual k(φ) and Δt and scatter as the usual cameras' do. The base model's
 k(φ), Δt and swimming speed are fitted to them, so what these absorb does not show (physics §7).
 """
 
@@ -17,10 +17,9 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.model import model_of
+from sandbot_model.physics.model import USUAL_K, model_of
 from sandbot_model.physics.observables import Observable, usual_noise
-from sandbot_model.physics.predictor import PredictorParameters
-from sandbot_model.physics.walking import Inputs, KCurve
+from sandbot_model.physics.walking import Inputs
 from sandbot_record.trials.table import Row, from_rows
 
 PHI = (0.58, 0.59, 0.6, 0.615, 0.633)
@@ -47,15 +46,14 @@ class Fingerprint:
 
 def fingerprint(effect: Effect, catalogue: Mapping[str, Effect]) -> Fingerprint:
     """The fingerprint of an effect of the catalogue at its usual strength (the start values of its parameters)."""
-    defaults = PredictorParameters()
     phi, omega = (axis.ravel() for axis in np.meshgrid(PHI, OMEGA_RAD_S, indexing="ij"))
     values = {parameter.name: parameter.start for parameter in effect.parameters}
     gait = "SGCS" if effect.clocked else "UNIFORM"
-    curve = KCurve(np.array(defaults.phi), np.array(defaults.k_n_per_m))
     clocks = clock([gait] * len(phi))
-    inputs = Inputs(curve(phi), omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, clocks, curve)
-    walker = model_of("simple", (effect.identifier,), catalogue).walker
-    measured = predicted(walker, inputs, [values], curve).observables
+    model = model_of("simple", (effect.identifier,), catalogue)
+    delta_t_s, v_swim_m_s = (model.parameter(name).start for name in ("delta_t_s", "v_swim_m_s"))
+    inputs = Inputs(USUAL_K(phi), omega, delta_t_s, phi, v_swim_m_s, clocks, USUAL_K)
+    measured = predicted(model.walker, inputs, [values], USUAL_K).observables
     sd = usual_noise(Accuracy())
     scatter = _SIGNS * sd * np.sqrt(1 - 1 / len(_SIGNS))
     rows = [

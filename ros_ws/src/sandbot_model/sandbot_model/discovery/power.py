@@ -25,10 +25,8 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Parameter
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.model import model_of
+from sandbot_model.physics.model import USUAL_K, model_of
 from sandbot_model.physics.observables import Observable, usual_noise
-from sandbot_model.physics.predictor import PredictorParameters
-from sandbot_model.physics.walking import KCurve
 from sandbot_record.trials.table import Trials
 
 POWER, Z = 0.9, 1.2816
@@ -76,13 +74,10 @@ def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
 
     ``design``: its trials, any numbers in place of what they will measure; what is NaN they can't.
     """
-    robot, usual = design.robot or SANDBOT, PredictorParameters()
-    phi, k = np.array(usual.phi), np.array(usual.k_n_per_m)
-    model = model_of("simple", (), catalogue(), robot)
-    theta = np.array([getattr(usual, name) for name in model.names])
+    model = model_of("simple", (), catalogue(), design.robot or SANDBOT)
+    theta = np.array([parameter.start for parameter in model.parameters])
     clocks = clock(tuple(str(gait) for gait in design.gait))
-    strength = np.interp(design.phi, phi, k)
-    inputs, params = model.inputs(theta, strength, design.omega_rad_s, design.phi, clocks, KCurve(phi, k))
+    inputs, params = model.inputs(theta, USUAL_K(design.phi), design.omega_rad_s, design.phi, clocks, USUAL_K)
     values = np.broadcast_to(model.walker.predict(inputs, params).observables, (len(design), len(Observable)))
     noise = np.random.default_rng(0).standard_normal(values.shape)
     values = values + usual_noise(design.accuracy or USUAL) * noise

@@ -178,7 +178,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 
 def _base_suffices(base: Fit) -> str:
     """That the base model shows no lack of fit, and at which implausible values."""
-    scatter = "the error bars" if base.cells.error_bars else "replicates scatter"
+    scatter = "the error bars" if base.cells.error_bars else "the scatter of replicates"
     only = only_with(base)
     return f"the {base.model.base} model misses the cell means by no more than {scatter} {_p(base)}" + (
         f", but {only}" if only else ""

@@ -44,7 +44,7 @@ class Conditions:
         return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
 
     def some(self, row: Ints, cell: Ints) -> "Conditions":
-        """The conditions of some cells, one cell a row."""
+        """The conditions of some cells, one row per cell."""
 
         def its(each: Array) -> Array:
             return (each[cell] if each.ndim == 1 else each[row, cell % each.shape[1]])[:, None]

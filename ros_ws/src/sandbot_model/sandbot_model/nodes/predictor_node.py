@@ -15,7 +15,8 @@ from sandbot_common.files import parse_json
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import Robot, difference, robot_from_mapping
 from sandbot_common.ros import node
-from sandbot_model.physics.predictor import PredictorParameters, of_robot, predictor_of
+from sandbot_model.physics.predictor import of_robot
+from sandbot_model.predictor_parameters import PredictorParameters, predictor_of
 
 NO_VARIANCE = -1.0
 _OMEGA_RAD_S = np.arange(1.0, 40.5, 0.5)

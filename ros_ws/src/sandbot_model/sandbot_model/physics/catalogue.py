@@ -103,14 +103,16 @@ def _instance(cls: object, where: str) -> Effect:
 
 def _check_parameters(effect: Effect, where: str) -> None:
     if not isinstance(effect.parameters, tuple):
-        raise InputError(f"{where}: {type(effect).__name__}: parameters is no tuple; is a comma missing?")
+        raise InputError(f"{where}: {type(effect).__name__}: parameters is not a tuple; is a comma missing?")
     for parameter in effect.parameters:
         if not isinstance(parameter, Parameter):
             raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
         known = all(isinstance(value, int | float) and np.isfinite(value) for value in numbers)
         if not (known and is_range(low, high)):
-            raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
+            raise InputError(
+                f"{where}: {parameter.name}: from {low!r} to {high!r} is not a range, low < high is needed"
+            )
         if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
     if twice := duplicate_name(effect.parameters):

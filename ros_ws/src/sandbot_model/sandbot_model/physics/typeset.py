@@ -46,7 +46,7 @@ def statements(formula: str) -> tuple[tuple[Statement, ...], str]:
     for part in body.split(";"):
         match = _STATEMENT.fullmatch(part.strip())
         if match is None:
-            raise ValueError(f"{part.strip()!r} is no statement of a formula")
+            raise ValueError(f"{part.strip()!r} is not a statement of a formula")
         found.append(Statement(match["left"], match["how"], match["right"].replace("^", "**"), match["unit"] or ""))
     return tuple(found), words.strip()
 

@@ -3,9 +3,18 @@
     write_report(path, discovery, trials, title=…)      the page of ``discover``
     write_comparison(path, fits, trials, title=…)       the page of ``compare``
 
-``view`` holds the data shown and ``curves`` adds the model curves; ``figures``, ``mechanics`` and ``balance`` draw;
-``captions`` explains each figure; ``supplement`` describes the origin of the trials and the methods; ``atlas`` draws
-the paper's figures; ``content`` assembles the sections, ``page`` renders them and ``writer`` writes the file.
+writer     writes the file; page: renders sections as HTML; content: puts the sections in order
+argument   the argument for a verdict, one figure per step
+sections   figure_sections, table_sections, data_section, atlas_section, model_difference, and supplement:
+           the origin of the trials and the methods
+figures    for the page (Plotly): speed, lift and errors; print_figures: for print (Matplotlib)
+  of a model      mechanics, balance, lock, stages; profiles: of its parameters; rivals: several models
+  over φ × ω      residual_map, fingerprint_map; map_text: labels on cells
+  of trials       run_order, waveforms; provenance: which are used
+captions   how to read each figure; text: numbers for readers
+atlas      the paper's figures
+view       the data shown; curves: with the models'; effect_facts, drawings: an effect in words and as a drawing
+theme      colours and layout
 """
 
 from typing import TYPE_CHECKING

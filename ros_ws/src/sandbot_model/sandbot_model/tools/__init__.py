@@ -1,1 +1,6 @@
-"""Command-line tools, one module each."""
+"""Command-line tools, one module each.
+
+compare, discover, effects, atlas, explore, export: the commands; door: compare and discover from Python
+arguments         what several commands share
+answer, tables    what compare and discover print; card: an effect in words
+"""

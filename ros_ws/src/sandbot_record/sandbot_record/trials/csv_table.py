@@ -106,7 +106,7 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     """The rows of a table given as (row number, cells by column). ``where`` is the prefix of every InputError."""
     header = _known_names(given)
     if not any(header):
-        raise InputError(f"{where}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
+        raise InputError(f"{where}: empty; a header with {', '.join(REQUIRED)} and one row per trial are needed")
     _check_header(where, header, given)
     rows, numbers = [], []
     for number, cells in lines:
@@ -252,7 +252,7 @@ def _hint(name: str, header: Sequence[str]) -> str:
         if _QUANTITIES.get(_name(other)) == name:
             return f"; {other} needs its unit, {other} [{'], ['.join(_FACTORS[name])}]"
     if any(map(files.NUMBER.fullmatch, header)):
-        return "; there are numbers in that row: names of the columns are needed on top, and below them a row a trial"
+        return "; there are numbers in that row: names of the columns are needed on top, and below one row per trial"
     # A known quantity with a unit is not misspelt: its unit is unknown.
     if foreign := next((other for other in header if _with_unit(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"

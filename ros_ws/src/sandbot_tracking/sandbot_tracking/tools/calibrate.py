@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sandbot_common import cli
+from sandbot_common import cli, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv, read_yaml, write_text, writing
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
@@ -58,7 +58,7 @@ def command(argv: Sequence[str]) -> int:
     """The command line."""
     parser = cli.Parser("calibrate", description=__doc__)
     parser.add_argument("table", type=Path, help=f"CSV of {', '.join(COLUMNS)}")
-    parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
+    parser.add_argument("--name", required=True, choices=tuple(topics.VIEWS), help="which camera this is")
     parser.add_argument(
         "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"),
         help="of its frames [px] (default: that of the source of the lens, else 640 480)",

@@ -1,4 +1,4 @@
-"""Track marker videos: CSV of landmarks and speed, one row a frame, and a line with the trial's observables."""
+"""Track marker videos: CSV of landmarks and speed, one row per frame, and a line with the trial's observables."""
 
 import csv
 import math
