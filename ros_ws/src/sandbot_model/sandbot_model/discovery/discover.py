@@ -30,7 +30,12 @@ from sandbot_model.discovery.conventions import (
 )
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
+from sandbot_model.discovery.formula_search import (
+    formula_on_top_of,
+    formula_to_try,
+    outdone_by_a_formula,
+    repairs_something,
+)
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
@@ -82,7 +87,8 @@ class Discovery:
     verdict: Verdict
     next_trials: tuple[NextTrial, ...]
     stability: float = float("nan")
-    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
+    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets; NaN
+    where the verdict does not name what is best of all sets."""
     unseen: tuple[str, ...] = ()
     """If the base model is adequate: effects that these data would not reveal at their usual strength."""
     stages: tuple[StageTest, ...] = ()
@@ -151,7 +157,7 @@ class Discovery:
     @property
     def stability_in_words(self) -> str:
         """How often the named set, or one of the alternatives, is best; empty if none is named."""
-        if not np.isfinite(self.stability) or self.verdict.status == "unexplained":
+        if not np.isfinite(self.stability):
             return ""
         which = "one of these is the" if self.verdict.status == "ambiguous" else ""
         return f"{which} best in {100 * self.stability:.0f} % of bootstrap draws".strip()
@@ -245,7 +251,7 @@ def _discovered(
         verdict=verdict,
         next_trials=tuple(trials),
         unseen=not_shown,
-        stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
+        stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
@@ -404,9 +410,11 @@ def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None
 
 def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
     """A formula for the remaining misfit, where no set explains all."""
-    if verdict.status == "partial":
-        return formula_on_top_of(search, [verdict.effects])
-    return formula_to_try(search) if verdict.status == "unexplained" else None
+    if verdict.status not in INCOMPLETE:
+        return None
+    partial = verdict.status == "partial"
+    found = formula_on_top_of(search, [verdict.effects]) if partial else formula_to_try(search)
+    return found if found is not None and repairs_something(search, found) else None
 
 
 def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
@@ -440,6 +448,9 @@ def _not_excluded(
 
 
 def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
+    # What is partial leads the single effects only: larger sets may fit better, and are not to be believed.
+    if verdict.status in ("untested", *INCOMPLETE):
+        return float("nan")
     named = verdict.alternatives or ((),)
     leading = sorted((fit for fit in fits.values() if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
     leading += [fits[names] for names in named if fits[names] not in leading]
