@@ -79,7 +79,8 @@ def all_effects() -> str:
     ]
     for effect in CATALOGUE:
         name = effect.identifier
-        facts = [f"acts on {effect.stage}", *map(range_of, effect.parameters), f"source: {effect.source}"]
+        facts = [f"acts on {effect.stage}", *map(range_of, effect.parameters)]
+        facts += [f"control: {effect.control}"] * bool(effect.control) + [f"source: {effect.source}"]
         listed = "".join(f"<li>{escape(fact)}</li>" for fact in facts)
         parts.append(
             f"## {name}\n\n![{name.replace('_', ' ')}](drawings/{name}.svg)\n\n{words(effect)}.\n\n"

@@ -13,6 +13,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,8 @@ class Discovery:
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
     """Limits at 95 % on effects that are absent."""
+    controls: Mapping[str, str] = field(default_factory=dict)
+    """If no trial distinguishes the alternatives: the experiments by which their effects show (``Effect.control``)."""
     criteria: Criteria = DEFAULT
     """The thresholds of the verdict."""
 
@@ -135,6 +138,7 @@ class Discovery:
                 "because": self.verdict.because,
             },
             "next_trials": [plain(trial) for trial in self.next_trials],
+            "controls": dict(self.controls),
             "unseen": list(self.unseen),
             "stability": number(self.stability),
             "stages": [plain(stage) for stage in self.stages],
@@ -240,6 +244,7 @@ def _discovered(
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     trials, out_of_reach = _next_trials(search, verdict, hidden)
+    controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
     return Discovery(
         model=base,
@@ -250,6 +255,7 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
+        controls=controls,
         unseen=not_shown,
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
@@ -332,7 +338,7 @@ def _with_remarks(
     if hidden:
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if verdict.status == "ambiguous":
-        because.append(_most_discriminating(trials, search.criteria))
+        because.append(_most_discriminating(trials, search, verdict))
     if verdict.status == "identified":
         because.append(rival_calibration_error(search, named))
     # Where the robot is in doubt there was no search, and calibration is not the question.
@@ -422,11 +428,25 @@ def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
     return Verdict("unexplained", (), (), because)
 
 
-def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str:
-    """The trial that best discriminates between the alternatives."""
-    telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
+def _telling(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:
+    """The trials that are worthwhile."""
+    return [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
+
+
+def _controls(search: EffectSearch, verdict: Verdict) -> dict[str, str]:
+    """The control of each effect in which the alternatives differ, where there is one."""
+    sets = verdict.alternatives
+    differing = [name for name in dict.fromkeys(chain(*sets)) if not all(name in names for names in sets)]
+    return {name: control for name in differing if (control := search.effects[name].control)}
+
+
+def _most_discriminating(trials: Sequence[NextTrial], search: EffectSearch, verdict: Verdict) -> str:
+    """The trial that best discriminates between the alternatives, or their controls if none does."""
+    telling = _telling(trials, search.criteria)
     if not telling:
-        return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
+        controls = ", ".join(f"{name} ({control})" for name, control in _controls(search, verdict).items())
+        of_another_kind = f"controls do: {controls}" if controls else "another kind is needed"
+        return f"no trial within this range of φ and ω tells them apart by these observables: {of_another_kind}"
     best = telling[0]
     gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
     return f"most telling: {best.observable} at {best.where} ({gap})"
@@ -436,8 +456,7 @@ def _not_excluded(
     hidden: Sequence[str], trials: Sequence[NextTrial], out_of_reach: Sequence[str], search: EffectSearch
 ) -> str:
     """The effects that these data cannot exclude, the trials that would reveal them, and those that none would."""
-    telling = [trial for trial in reversed(trials) if trial.expected_gap_sd > search.criteria.telling_sd]
-    shown = {trial.separates[1]: trial for trial in telling}
+    shown = {trial.separates[1]: trial for trial in reversed(_telling(trials, search.criteria))}
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
     remarks = [f"what would show {how}"] if how else []
     if out_of_reach:
