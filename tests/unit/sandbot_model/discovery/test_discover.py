@@ -121,7 +121,7 @@ def test_twins_are_ambiguous(drawn):
     assert found.verdict.status == "ambiguous"
     assert {("leg_slip",), ("cable_drag",)} <= set(found.verdict.alternatives)
     assert set(found.controls) == {"leg_slip", "cable_drag"}
-    assert "apart by these observables: controls do: " in found.verdict.because
+    assert "apart by these observables, controls do: " in found.verdict.because
     assert f"cable_drag ({FEW['cable_drag'].control})" in found.verdict.because
     assert found.to_dict()["controls"] == found.controls
 

@@ -9,6 +9,7 @@ verdict          the rules; criteria: their thresholds
   sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are random
   checks of a claim: calibration, conventions, lone_trials, one_observable, plausibility, smooth, stability
 limits, unseen   effects that are absent, or would not show; power: detectable strengths; error_rates: of the verdict
-next_trials      trials that discriminate between the surviving sets; fingerprint: where an effect would show
+next_trials      trials that discriminate between the surviving sets; one_value: those that trials at one ω or φ lack
+fingerprint      where an effect would show
 formula_search   a formula to try where no effect fits; residual, scored_terms, term_library
 """

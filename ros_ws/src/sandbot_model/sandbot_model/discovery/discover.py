@@ -20,6 +20,7 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery import one_value
 from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
 from sandbot_model.discovery.conventions import (
@@ -73,6 +74,8 @@ LEADING = 8
 """Number of sets compared in the bootstrap, the best by BIC."""
 INCOMPLETE = ("partial", "unexplained")
 """Verdicts that leave part of the data unexplained."""
+WIDENED = ("adequate", "ambiguous")
+"""Verdicts after which trials at other ω or φ are proposed if all are at one (see ``one_value``)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -316,11 +319,11 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
 
 def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
     """The trials to run next, and those of the ``hidden`` effects that none within reach would show."""
-    if hidden:
-        return trials_to_exclude(search.fits[()], hidden)
     if verdict.status == "untested":
         return to_run(search.cells, search.model(())), []
-    return next_trials([search.fits[names] for names in verdict.alternatives]), []
+    base, alternatives = search.fits[()], [search.fits[names] for names in verdict.alternatives]
+    trials, out_of_reach = trials_to_exclude(base, hidden) if hidden else (next_trials(alternatives), [])
+    return [*trials, *(one_value.what_to_add(base) if verdict.status in WIDENED else [])], out_of_reach
 
 
 def _with_remarks(
@@ -339,6 +342,8 @@ def _with_remarks(
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if verdict.status == "ambiguous":
         because.append(_most_discriminating(trials, search, verdict))
+    if verdict.status in WIDENED:
+        because.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
         because.append(rival_calibration_error(search, named))
     # Where the robot is in doubt there was no search, and calibration is not the question.
@@ -445,8 +450,8 @@ def _most_discriminating(trials: Sequence[NextTrial], search: EffectSearch, verd
     telling = _telling(trials, search.criteria)
     if not telling:
         controls = ", ".join(f"{name} ({control})" for name, control in _controls(search, verdict).items())
-        of_another_kind = f"controls do: {controls}" if controls else "another kind is needed"
-        return f"no trial within this range of φ and ω tells them apart by these observables: {of_another_kind}"
+        of_another_kind = f", controls do: {controls}" if controls else ": another kind is needed"
+        return f"no trial within this range of φ and ω tells them apart by these observables{of_another_kind}"
     best = telling[0]
     gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
     return f"most telling: {best.observable} at {best.where} ({gap})"
@@ -460,7 +465,8 @@ def _not_excluded(
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
     remarks = [f"what would show {how}"] if how else []
     if out_of_reach:
-        remarks.append(f"not within reach of {search.cells.trials} more trials like these: {', '.join(out_of_reach)}")
+        these = one_value.where(search.cells) or "like these"
+        remarks.append(f"not within reach of {search.cells.trials} more trials {these}: {', '.join(out_of_reach)}")
     return f"at their usual strength these would not show in the data: {', '.join(hidden)}" + (
         f" ({'; '.join(remarks)})" if remarks else ""
     )

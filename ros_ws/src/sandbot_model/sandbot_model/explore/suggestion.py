@@ -41,8 +41,8 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
         rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
         parts.append(table("Next trials", ("at", "watch", "expected gap"), rows))
     if found.controls:
-        rows = [(readable(name), control) for name, control in found.controls.items()]
-        parts.append(table("Experiments of another kind", ("effect", "control"), rows))
+        controls = [(readable(name), control) for name, control in found.controls.items()]
+        parts.append(table("Experiments of another kind", ("effect", "control"), controls))
     return parts
 
 
