@@ -79,7 +79,8 @@ def all_effects() -> str:
     ]
     for effect in CATALOGUE:
         name = effect.identifier
-        facts = [f"acts on {effect.stage}", *map(range_of, effect.parameters), f"source: {effect.source}"]
+        facts = [f"acts on {effect.stage}", *map(range_of, effect.parameters)]
+        facts += [f"control: {effect.control}"] * bool(effect.control) + [f"source: {effect.source}"]
         listed = "".join(f"<li>{escape(fact)}</li>" for fact in facts)
         parts.append(
             f"## {name}\n\n![{name.replace('_', ' ')}](drawings/{name}.svg)\n\n{words(effect)}.\n\n"
@@ -128,15 +129,23 @@ def lab_effects() -> str:
     from sandbot_lab.effects import EFFECTS
 
     rows = [
-        (f"`{name}`", f"`{one.name}`", one.unit or "–", f"{one.low:g} to {one.high:g}", f"`{one.default:g}`", one.doc)
+        (
+            f"`{name}`",
+            " or ".join(f"`{word}`" for word in (one.name, one.catalogue) if word),
+            one.unit or "–",
+            f"{one.low:g} to {one.high:g}",
+            f"`{one.default:g}`",
+            one.doc,
+        )
         for name, effect in EFFECTS.items()
         for one in effect.parameters
     ]
     bare = ", ".join(f"`{name}`" for name, effect in EFFECTS.items() if not effect.parameters)
     return (
         "## effects in world.yaml\n\nAs in `effects: {stance_overlap: {eta: 0.15}}`; `{}` for all defaults. "
-        "The lab has parameters of its own: some have other names\n"
-        "or units than the catalogue's, and no effect named x_… is in the catalogue. Without a parameter: "
+        "Where the catalogue has another name for a parameter, that is\n"
+        "accepted too, in the catalogue's unit (`chi_rad` in rad). No effect named x_… is in the catalogue. Without a "
+        "parameter: "
         f"{bare}.\n\n"
         f"{table(('effect', 'parameter', 'unit', 'range', 'default', 'meaning'), rows)}\n"
     )

@@ -37,7 +37,7 @@ def test_a_page_is_what_the_code_says(name):
 
 def test_the_page_of_files_has_every_effect_of_a_world():
     page = (DOCS / "lookup" / "files.md").read_text(encoding="utf-8").partition("## effects in world.yaml")[2]
-    assert "| `crater_refill` | `z0_m` | m | 0 to 0.015 | `0.01` |" in page
+    assert "| `crater_refill` | `z0_m` or `z_0_m` | m | 0 to 0.015 | `0.01` |" in page
     assert [name for name in EFFECTS if f"`{name}`" not in page] == []
 
 

@@ -18,6 +18,7 @@ from sandbot_lab.world import (
     world_from_mapping,
     write_world,
 )
+from sandbot_model.physics.effects import CATALOGUE
 
 
 @pytest.mark.parametrize("world", [null_world(), SGCS, draw_world(3), World(effects={name: {} for name in EFFECTS})])
@@ -37,6 +38,8 @@ def test_round_trip(tmp_path, world):
         ({"effects": {"leg_slip": {"sigma": float("nan")}}}, "sigma: nan is outside"),
         ({"effects": {"leg_slip": {"sigma": "much"}}}, "'much' is not a number"),
         ({"effects": {"leg_slip": {"slip": 0.1}}}, "unknown parameter 'slip'"),
+        ({"effects": {"bed_slope": {"chi_rad": 0.1}}}, "chi_deg: 5.7"),
+        ({"effects": {"inertial_drag": {"lambda_1": 1, "lambda_": 1}}}, "lambda_1 and lambda_ are the same; give one"),
         ({"effects": {"leg_slip": 0.1}}, "expected a mapping of parameters"),
         ({"noise": {"scale": -1.0}}, "noise: scale: -1.0 is outside"),
         ({"robot": {"wheels": 4}}, "robot: unknown key 'wheels'"),
@@ -52,6 +55,22 @@ def test_refusals_name_file_and_value(content, words):
     assert words in text
     assert text.startswith("sealed.yaml")
     assert "\n" not in text
+
+
+@pytest.mark.parametrize("effect", [one for one in CATALOGUE if one.identifier in EFFECTS], ids=lambda e: e.identifier)
+def test_a_world_takes_every_parameter_by_the_name_it_has_in_the_catalogue(effect):
+    given = {one.name: one.start for one in effect.parameters}
+    own = world_from_mapping({"effects": {effect.identifier: given}}, "world").effects[effect.identifier]
+    assert set(own) == set(EFFECTS[effect.identifier].defaults())
+    for one in effect.parameters:
+        if one.unit != "rad":
+            assert one.start in own.values()
+
+
+def test_an_angle_of_the_catalogue_is_in_rad_and_one_of_the_lab_in_degrees():
+    for said, degrees in (({"chi_rad": 0.02}, 1.1459), ({"chi_deg": 0.5}, 0.5)):
+        own = world_from_mapping({"effects": {"bed_slope": said}}, "world").effects["bed_slope"]
+        assert own == {"chi_deg": pytest.approx(degrees, abs=1e-4)}
 
 
 def test_stiffness_goes_through_its_knots_and_bends_at_the_knee():

@@ -5,6 +5,7 @@ from it (`sandbot_lab.physics`). Identifiers that begin with ``x_`` are outside 
 discovery tool must answer "unexplained".
 """
 
+import math
 from dataclasses import dataclass
 
 from sandbot_common.errors import InputError
@@ -20,6 +21,10 @@ class EffectParameter:
     high: float
     unit: str
     doc: str
+    catalogue: str = ""
+    """The name in the catalogue of effects, accepted in its place; empty if that is the same."""
+    of_catalogue: float = 1.0
+    """Its value for a value of 1 in the catalogue's unit."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ EFFECTS: dict[str, Effect] = {
     "crater_refill": Effect(
         "a foothold leaves a crater that refills as exp(-t/tau): a lower surface for a foot within 1.2 R (Li09)",
         (
-            P("z0_m", 0.010, 0.0, 0.015, "m", "depth of the fresh crater"),
+            P("z0_m", 0.010, 0.0, 0.015, "m", "depth of the fresh crater", "z_0_m"),
             P("tau_s", 0.15, 0.02, 1.0, "s", "refill time"),
         ),
     ),
@@ -67,7 +72,7 @@ EFFECTS: dict[str, Effect] = {
     "finite_depth": Effect(
         "the container's floor stiffens the ground: k (1 + exp(-(D - z)/l)) (Stone 2004)",
         (
-            P("length_m", 0.02, 0.01, 0.03, "m", "decay length of the floor's influence"),
+            P("length_m", 0.02, 0.01, 0.03, "m", "decay length of the floor's influence", "l_m"),
             P("bed_m", 0.0, 0.0, 0.15, "m", "depth D of the bed; 0: the robot's bed_depth_m"),
         ),
     ),
@@ -94,7 +99,7 @@ EFFECTS: dict[str, Effect] = {
     ),
     "inertial_drag": Effect(
         "penetration force + lambda rho_b w R (R omega)^2, rho_b = 600 kg/m3 (Katsuragi & Durian 2007)",
-        (P("lambda_", 1.0, 0.0, 5.0, "", "drag coefficient"),),
+        (P("lambda_", 1.0, 0.0, 5.0, "", "drag coefficient", "lambda_1"),),
     ),
     "phi_dependent_response": Effect(
         "the ground's response time is dt0 [1 + b (phi - 0.61)/0.05] (Li09)",
@@ -123,7 +128,7 @@ EFFECTS: dict[str, Effect] = {
     ),
     "bed_slope": Effect(
         "the bed is inclined along the track, positive uphill",
-        (P("chi_deg", 1.0, -3.0, 3.0, "deg", "slope"),),
+        (P("chi_deg", 1.0, -3.0, 3.0, "deg", "slope", "chi_rad", math.degrees(1.0)),),
     ),
     "belly_coast": Effect(
         "after touchdown the belly slides with Coulomb friction from its touchdown speed",
@@ -131,7 +136,7 @@ EFFECTS: dict[str, Effect] = {
     ),
     "swimming_thrust": Effect(
         "a swimming robot moves at min(A/omega, R omega/pi) in place of a constant (Li09)",
-        (P("a_m_s2", 0.32, 0.05, 1.0, "m/s2", "thrust constant A"),),
+        (P("a_m_s2", 0.32, 0.05, 1.0, "m/s2", "thrust constant A", "thrust_m_s2"),),
     ),
     # the clock
     "motor_saturation": Effect(
@@ -200,16 +205,23 @@ def checked_effect(name: object, given: object, where: str) -> dict[str, float]:
         raise InputError(f"{where}: {name}: expected a mapping of parameters, got {given!r}")
     values = EFFECTS[name].defaults()
     known = {parameter.name: parameter for parameter in EFFECTS[name].parameters}
+    of_catalogue = {parameter.catalogue: parameter for parameter in known.values() if parameter.catalogue}
     for key, value in given.items():
-        if key not in known:
+        if key not in known and key not in of_catalogue:
             raise InputError(f"{where}: {name}: unknown parameter {key!r}; known: {', '.join(known) or 'none'}")
-        values[key] = _within(known[key], value, f"{where}: {name}")
+        parameter = known.get(key) or of_catalogue[key]
+        if key != parameter.name and parameter.name in given:
+            raise InputError(f"{where}: {name}: {key} and {parameter.name} are the same; give one")
+        factor = 1.0 if key == parameter.name else parameter.of_catalogue
+        values[parameter.name] = _within(parameter, value, f"{where}: {name}", factor)
     return values
 
 
-def _within(parameter: EffectParameter, value: object, where: str) -> float:
+def _within(parameter: EffectParameter, value: object, where: str, factor: float) -> float:
+    """The value times a factor, if it is a number and the product within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{where}: {parameter.name}: {value!r} is not a number")
+    value *= factor
     if not parameter.low <= value <= parameter.high:
         raise InputError(
             f"{where}: {parameter.name}: {value} is outside [{parameter.low:g}, {parameter.high:g}] {parameter.unit}"

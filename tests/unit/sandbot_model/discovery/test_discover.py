@@ -3,6 +3,7 @@ import dataclasses
 import json
 import pickle
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from sandbot_common.crew import Processes
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import discover as discovering
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.verdict import judge
+from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -117,7 +120,34 @@ def test_twins_are_ambiguous(drawn):
     found = discover(cells_of(drawn(("leg_slip",), seed=7)), FEW, max_effects=1)
     assert found.verdict.status == "ambiguous"
     assert {("leg_slip",), ("cable_drag",)} <= set(found.verdict.alternatives)
-    assert "another kind is needed" in found.verdict.because
+    assert set(found.controls) == {"leg_slip", "cable_drag"}
+    assert "apart by these observables, controls do: " in found.verdict.because
+    assert f"cable_drag ({FEW['cable_drag'].control})" in found.verdict.because
+    assert found.to_dict()["controls"] == found.controls
+
+
+@pytest.mark.parametrize(
+    ("sets", "gap", "controls"),
+    [
+        ((("leg_slip",), ("cable_drag",)), 0.4, ["leg_slip", "cable_drag"]),
+        ((("leg_slip", "stance_overlap"), ("cable_drag", "stance_overlap")), 0.4, ["leg_slip", "cable_drag"]),
+        ((("swimming_thrust",), ("leg_slip",)), 0.4, ["leg_slip"]),
+        ((("swimming_thrust",), ("boost",)), 0.4, []),
+        ((("leg_slip",), ("cable_drag",)), 0.6, None),
+    ],
+    ids=["one each", "with one in common", "one has none", "neither has one", "a trial distinguishes them"],
+)
+def test_controls_are_asked_for_where_no_trial_distinguishes_what_is_left(sets, gap, controls):
+    effects = {**FEW, "boost": SimpleNamespace(control="")}
+    search, verdict = SimpleNamespace(effects=effects, criteria=DEFAULT), Verdict("ambiguous", sets[0], sets, "")
+    trials = [NextTrial(0.6, 9.0, "speed", ("a", "b"), gap, 2)]
+    said = discovering._most_discriminating(trials, search, verdict)
+    if controls is None:
+        assert said.startswith("most telling: speed at φ 0.600")
+    elif controls:
+        assert said.endswith(f"controls do: {', '.join(f'{name} ({FEW[name].control})' for name in controls)}")
+    else:
+        assert said.endswith("another kind is needed")
 
 
 @pytest.mark.slow

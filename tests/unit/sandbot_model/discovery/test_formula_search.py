@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.discovery import discover, formula_search
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.formula_search import outdone_by_a_formula
+from sandbot_model.discovery.formula_search import outdone_by_a_formula, repairs_something
 from sandbot_model.discovery.sharing import Shared
 from sandbot_model.discovery.verdict import Verdict
 
@@ -79,3 +79,26 @@ def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monke
     search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})
     found = discover._unless_a_formula(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
     assert (found and found[0].verdict.status) == said
+
+
+@pytest.mark.parametrize(
+    ("deviance", "leaves_nothing", "proposed"),
+    [((1415.0, 1209.0), False, False), ((1415.0, 700.0), False, True), ((190.0, 150.0), True, True)],
+)
+def test_a_formula_that_gains_what_the_best_of_many_gains_by_chance_is_not_proposed(deviance, leaves_nothing, proposed):
+    """A misfit of 1209 on 124 degrees of freedom adds ten times as much by chance as replicates alone do."""
+    base = SimpleNamespace(goodness=SimpleNamespace(dof=124))
+    search = SimpleNamespace(fits={("a",): base}, criteria=DEFAULT)
+    formula = SimpleNamespace(effects=("a",), deviance=deviance, leaves_nothing=leaves_nothing)
+    assert repairs_something(search, formula) == proposed
+
+
+@pytest.mark.parametrize("status", ["adequate", "identified", "ambiguous", "partial", "unexplained", "untested"])
+def test_best_in_so_many_draws_is_said_only_of_what_is_named_as_the_best(monkeypatch, status):
+    """What is partial is the best single effect; larger sets that nobody believes may be best in every draw."""
+    monkeypatch.setattr(discover, "win_shares", lambda fits, *_, **__: [1.0] + [0.0] * (len(fits) - 1))
+    monkeypatch.setattr(discover, "sound", lambda _fit: True)
+    named = () if status in ("adequate", "unexplained", "untested") else ("a",)
+    verdict = Verdict(status, named, (named,) if named else (), "")
+    share = discover._stability({(): fit(bic=2.0), ("a",): fit("a", bic=1.0)}, verdict, DEFAULT)
+    assert (share >= 0.0) == (status in ("adequate", "identified", "ambiguous"))

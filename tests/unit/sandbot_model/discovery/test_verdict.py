@@ -130,6 +130,21 @@ def test_why_what_would_leave_nothing_is_not_named(monkeypatch, base, why):
     assert found.because.startswith("a would leave replicates nothing to explain (lack of fit p = 0.5), " + why)
 
 
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        (21.6, "gains 21.6, less than the 22.0 that"),
+        (21.2, "gains 21, less than the 22 that"),
+        (21.96, "gains 21.96, less than the 22.01 that"),
+    ],
+)
+def test_a_gain_just_below_what_is_needed_is_given_with_the_digits_that_show_it(monkeypatch, gain, said):
+    monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
+    monkeypatch.setattr(verdict, "overdispersion", lambda _fit: 1.0)
+    base = made(deviance=60.0 + gain, p=1e-9)
+    assert said in judged(base, made("a", deviance=60.0)).because
+
+
 def test_where_nothing_can_be_tested_nothing_is_claimed():
     found = judged(made(deviance=60.0, p=np.nan))
     assert (found.status, found.effects) == ("untested", ())

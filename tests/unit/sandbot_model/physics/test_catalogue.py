@@ -93,6 +93,10 @@ def test_an_import_that_never_was_is_refused(tmp_path):
         ("1 / 0", "ZeroDivisionError"),
         (OWN.replace('"strength"', '"muscle"'), "stage 'muscle' is not one of"),
         (OWN.replace('    seen_in = "v"\n', ""), "has no seen_in"),
+        (
+            OWN.replace('    seen_in = "v"\n', '    seen_in, control = "v", 3\n'),
+            "control is 3, it may be an experiment",
+        ),
         (OWN.replace('"boost"', '"leg_slip"'), "already"),
         (OWN.replace('"gain"),)', '"gain"))'), "parameters is not a tuple; is a comma missing"),
         (

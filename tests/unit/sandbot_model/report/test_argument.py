@@ -86,6 +86,15 @@ def test_a_gap_is_in_standard_deviations_of_a_trial_as_in_the_glossary(undecided
     assert "in standard deviations of one trial." in section.tables[0].caption
 
 
+def test_controls_stand_with_the_next_trials_where_no_trial_distinguishes(undecided):
+    controls = {"leg_slip": "rough legs slip less"}
+    for trials, count in ((undecided.next_trials, 2), ((), 1)):
+        (section,) = table_sections.next_trials(replace(undecided, controls=controls, next_trials=trials))
+        assert len(section.tables) == count
+        assert section.tables[-1].rows == [("leg slip", "rough legs slip less")]
+    assert table_sections.next_trials(replace(undecided, next_trials=())) == []
+
+
 def test_rivals_are_compared_by_fits_of_one_kind(found, shown):
     """What is named is reported with nuisance parameters; its rivals were fitted without."""
     assert found.fit.nuisances is not None

@@ -10,6 +10,7 @@ verdict          the rules; criteria: their thresholds
                  random; batch_sd: their standard deviations; nuisances_in_words: as text
   checks of a claim: calibration_error, conventions, lone_trials, one_observable, plausibility, smooth, stability
 limits, unseen   effects that are absent, or would not show; power: detectable strengths; error_rates: of the verdict
-next_trials      trials that discriminate between the surviving sets; fingerprint: where an effect would show
+next_trials      trials that discriminate between the surviving sets; one_value: those that trials at one ω or φ lack
+fingerprint      where an effect would show
 formula_search   a formula to try where no effect fits; residual, scored_terms, term_library
 """

@@ -13,12 +13,14 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery import one_value
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
 from sandbot_model.discovery.conventions import (
@@ -30,7 +32,12 @@ from sandbot_model.discovery.conventions import (
 )
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
+from sandbot_model.discovery.formula_search import (
+    formula_on_top_of,
+    formula_to_try,
+    outdone_by_a_formula,
+    repairs_something,
+)
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
@@ -67,6 +74,8 @@ LEADING = 8
 """Number of sets compared in the bootstrap, the best by BIC."""
 INCOMPLETE = ("partial", "unexplained")
 """Verdicts that leave part of the data unexplained."""
+WIDENED = ("adequate", "ambiguous")
+"""Verdicts after which trials at other ω or φ are proposed if all are at one (see ``one_value``)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +91,8 @@ class Discovery:
     verdict: Verdict
     next_trials: tuple[NextTrial, ...]
     stability: float = float("nan")
-    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
+    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets; NaN
+    where the verdict does not name what is best of all sets."""
     unseen: tuple[str, ...] = ()
     """If the base model is adequate: effects that these data would not reveal at their usual strength."""
     stages: tuple[StageTest, ...] = ()
@@ -97,6 +107,8 @@ class Discovery:
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
     """Limits at 95 % on effects that are absent."""
+    controls: Mapping[str, str] = field(default_factory=dict)
+    """If no trial distinguishes the alternatives: the experiments by which their effects show (``Effect.control``)."""
     criteria: Criteria = DEFAULT
     """The thresholds of the verdict."""
 
@@ -129,6 +141,7 @@ class Discovery:
                 "because": self.verdict.because,
             },
             "next_trials": [plain(trial) for trial in self.next_trials],
+            "controls": dict(self.controls),
             "unseen": list(self.unseen),
             "stability": number(self.stability),
             "stages": [plain(stage) for stage in self.stages],
@@ -151,7 +164,7 @@ class Discovery:
     @property
     def stability_in_words(self) -> str:
         """How often the named set, or one of the alternatives, is best; empty if none is named."""
-        if not np.isfinite(self.stability) or self.verdict.status == "unexplained":
+        if not np.isfinite(self.stability):
             return ""
         which = "one of these is the" if self.verdict.status == "ambiguous" else ""
         return f"{which} best in {100 * self.stability:.0f} % of bootstrap draws".strip()
@@ -234,6 +247,7 @@ def _discovered(
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     trials, out_of_reach = _next_trials(search, verdict, hidden)
+    controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
     return Discovery(
         model=base,
@@ -244,8 +258,9 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
+        controls=controls,
         unseen=not_shown,
-        stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
+        stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
@@ -304,11 +319,11 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
 
 def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
     """The trials to run next, and those of the ``hidden`` effects that none within reach would show."""
-    if hidden:
-        return trials_to_exclude(search.fits[()], hidden)
     if verdict.status == "untested":
         return to_run(search.cells, search.model(())), []
-    return next_trials([search.fits[names] for names in verdict.alternatives]), []
+    base, alternatives = search.fits[()], [search.fits[names] for names in verdict.alternatives]
+    trials, out_of_reach = trials_to_exclude(base, hidden) if hidden else (next_trials(alternatives), [])
+    return [*trials, *(one_value.what_to_add(base) if verdict.status in WIDENED else [])], out_of_reach
 
 
 def _with_remarks(
@@ -326,7 +341,9 @@ def _with_remarks(
     if hidden:
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if verdict.status == "ambiguous":
-        because.append(_most_discriminating(trials, search.criteria))
+        because.append(_most_discriminating(trials, search, verdict))
+    if verdict.status in WIDENED:
+        because.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
         because.append(rival_calibration_error(search, named))
     # Where the robot is in doubt there was no search, and calibration is not the question.
@@ -404,9 +421,11 @@ def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None
 
 def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
     """A formula for the remaining misfit, where no set explains all."""
-    if verdict.status == "partial":
-        return formula_on_top_of(search, [verdict.effects])
-    return formula_to_try(search) if verdict.status == "unexplained" else None
+    if verdict.status not in INCOMPLETE:
+        return None
+    partial = verdict.status == "partial"
+    found = formula_on_top_of(search, [verdict.effects]) if partial else formula_to_try(search)
+    return found if found is not None and repairs_something(search, found) else None
 
 
 def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
@@ -414,11 +433,25 @@ def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
     return Verdict("unexplained", (), (), because)
 
 
-def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str:
-    """The trial that best discriminates between the alternatives."""
-    telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
+def _telling(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:
+    """The trials that are worthwhile."""
+    return [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
+
+
+def _controls(search: EffectSearch, verdict: Verdict) -> dict[str, str]:
+    """The control of each effect in which the alternatives differ, where there is one."""
+    sets = verdict.alternatives
+    differing = [name for name in dict.fromkeys(chain(*sets)) if not all(name in names for names in sets)]
+    return {name: control for name in differing if (control := search.effects[name].control)}
+
+
+def _most_discriminating(trials: Sequence[NextTrial], search: EffectSearch, verdict: Verdict) -> str:
+    """The trial that best discriminates between the alternatives, or their controls if none does."""
+    telling = _telling(trials, search.criteria)
     if not telling:
-        return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
+        controls = ", ".join(f"{name} ({control})" for name, control in _controls(search, verdict).items())
+        of_another_kind = f", controls do: {controls}" if controls else ": another kind is needed"
+        return f"no trial within this range of φ and ω tells them apart by these observables{of_another_kind}"
     best = telling[0]
     gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
     return f"most telling: {best.observable} at {best.where} ({gap})"
@@ -428,18 +461,21 @@ def _not_excluded(
     hidden: Sequence[str], trials: Sequence[NextTrial], out_of_reach: Sequence[str], search: EffectSearch
 ) -> str:
     """The effects that these data cannot exclude, the trials that would reveal them, and those that none would."""
-    telling = [trial for trial in reversed(trials) if trial.expected_gap_sd > search.criteria.telling_sd]
-    shown = {trial.separates[1]: trial for trial in telling}
+    shown = {trial.separates[1]: trial for trial in reversed(_telling(trials, search.criteria))}
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
     remarks = [f"what would show {how}"] if how else []
     if out_of_reach:
-        remarks.append(f"not within reach of {search.cells.trials} more trials like these: {', '.join(out_of_reach)}")
+        these = one_value.where(search.cells) or "like these"
+        remarks.append(f"not within reach of {search.cells.trials} more trials {these}: {', '.join(out_of_reach)}")
     return f"at their usual strength these would not show in the data: {', '.join(hidden)}" + (
         f" ({'; '.join(remarks)})" if remarks else ""
     )
 
 
 def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
+    # What is partial leads the single effects only: larger sets may fit better, and are not to be believed.
+    if verdict.status in ("untested", *INCOMPLETE):
+        return float("nan")
     named = verdict.alternatives or ((),)
     leading = sorted((fit for fit in fits.values() if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
     leading += [fits[names] for names in named if fits[names] not in leading]

@@ -42,6 +42,17 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
     return more if more is not None and more.bic < best.bic else best
 
 
+def repairs_something(search: EffectSearch, formula: SuggestedFormula) -> bool:
+    """Whether a formula leaves no lack of fit, or gains more than the best of the library would from what it leaves.
+
+    Where cell means still scatter about a fit by c times the variance of replicates, they add c times as much to the
+    gain of a term that means nothing (quasi-likelihood, see ``claim_threshold``).
+    """
+    left = formula.deviance[1] / search.fits[formula.effects].goodness.dof
+    needed = search.criteria.claim + selection_penalty(LIBRARY_SIZE)
+    return formula.leaves_nothing or formula.deviance[0] - formula.deviance[1] > needed * left
+
+
 def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedFormula | None:
     """The first formula on top of one of the sets that leaves no lack of fit, without nuisances or else with all of
     them; failing that, the best without. If the lift's zero is off, any formula seems to gain something."""

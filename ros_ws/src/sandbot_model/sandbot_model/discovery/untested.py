@@ -17,6 +17,8 @@ from sandbot_model.physics.model import Model
 
 CONDITIONS, MORE = 6, 2
 """Conditions to repeat or to add, and degrees of freedom of pure error that each of them gives."""
+SCATTER_OR_MISS = ("scatter of replicates", "a miss of the model")
+"""What repetitions separate."""
 
 
 def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
@@ -87,13 +89,25 @@ def repeats(cells: Cells) -> list[NextTrial]:
 
 def _new_conditions(cells: Cells, count: int) -> list[NextTrial]:
     """So many conditions at the same φ and other ω of the same range; if that is too narrow, of half to all of ω."""
-    run, low, high, grid_size = _conditions(cells), cells.omega.min(), cells.omega.max(), 2 * count
+    low, high, grid_size = cells.omega.min(), cells.omega.max(), 2 * count
     wide = high - low > grid_size * OMEGA_TOLERANCE * high
-    omega = np.round(np.linspace(low if wide else high / 2, high, grid_size), 2)
-    grid = np.stack(np.meshgrid(cells.level_phi, omega, indexing="ij"), axis=-1).reshape(-1, 2)
-    chosen = _farthest(at := np.concatenate([run, grid]), list(range(len(run))), count)
+    omega = np.asarray(np.round(np.linspace(low if wide else high / 2, high, grid_size), 2), dtype=float)
+    return new_conditions(cells, grid_of(cells.level_phi, omega), count)
+
+
+def grid_of(phi: Array, omega: Array) -> Array:
+    """All pairs of φ and ω ``(n, 2)``."""
+    return np.stack(np.meshgrid(phi, omega, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def new_conditions(
+    cells: Cells, grid: Array, count: int = CONDITIONS, separates: tuple[str, str] = SCATTER_OR_MISS
+) -> list[NextTrial]:
+    """So many of the conditions ``grid (n, 2)``, spread as widely as possible between those run and each other."""
+    run = _conditions(cells)
+    chosen = _farthest(at := np.concatenate([run, grid]), list(range(len(run))), min(count, len(grid)))
     nearest = {one: int(np.argmin(_distance(at, [one])[: len(run)])) for one in chosen}
-    return [_trial(at[one], MORE + 1, cells.gait[nearest[one]]) for one in sorted(chosen)]
+    return [_trial(at[one], MORE + 1, cells.gait[nearest[one]], separates) for one in sorted(chosen)]
 
 
 def _conditions(cells: Cells) -> Array:
@@ -123,12 +137,12 @@ def _farthest(at: Array, given: Sequence[int], count: int) -> list[int]:
     return chosen
 
 
-def _trial(at: Array, replicates: int, gait: str) -> NextTrial:
+def _trial(at: Array, replicates: int, gait: str, separates: tuple[str, str] = SCATTER_OR_MISS) -> NextTrial:
     return NextTrial(
         phi=float(at[0]),
         omega_rad_s=float(at[1]),
         observable="speed",
-        separates=("scatter of replicates", "a miss of the model"),
+        separates=separates,
         expected_gap_sd=float("nan"),
         replicates=replicates,
         gait=known_gait(gait),

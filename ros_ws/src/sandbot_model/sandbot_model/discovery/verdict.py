@@ -291,7 +291,8 @@ def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     threshold = claim_threshold(fit, criteria)
     over = f" on top of {_name(part)}" if part else ""
     if gain.sum() <= threshold:
-        return f"gains {gain.sum():.0f}{over}, less than the {threshold:.0f} that an effect must"
+        gained, needed = _told_apart(gain.sum(), threshold)
+        return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
     where = (
         f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"
@@ -299,6 +300,12 @@ def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
         else "one level"
     )
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
+
+
+def _told_apart(first: float, second: float) -> tuple[str, str]:
+    """Two numbers as text, with as many decimals (at most 3) as it takes to see that they differ."""
+    texts = [(f"{first:.{decimals}f}", f"{second:.{decimals}f}") for decimals in range(4)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 
 
 _NONE_TRIED = "no effect was tried (--max-effects 0)"

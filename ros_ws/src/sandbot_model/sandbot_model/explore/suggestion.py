@@ -40,6 +40,9 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
     if found.next_trials:
         rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
         parts.append(table("Next trials", ("at", "watch", "expected gap"), rows))
+    if found.controls:
+        controls = [(readable(name), control) for name, control in found.controls.items()]
+        parts.append(table("Experiments of another kind", ("effect", "control"), controls))
     return parts
 
 

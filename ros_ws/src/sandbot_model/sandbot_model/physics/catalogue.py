@@ -88,6 +88,8 @@ def _instance(cls: object, where: str) -> Effect:
     for name in ("identifier", "stage", "formula", "source", "seen_in"):
         if not isinstance(getattr(cls, name, None), str):
             raise InputError(f"{where}: {cls.__name__} has no {name}")
+    if not isinstance(cls.control, str):
+        raise InputError(f"{where}: {cls.__name__}: control is {cls.control!r}, it may be an experiment in words")
     if cls.apply is Effect.apply:
         raise InputError(f"{where}: {cls.__name__} has no apply")
     if cls.stage not in STAGES:
@@ -180,6 +182,7 @@ def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
                 for parameter in effect.parameters
             ],
             "seen_in": effect.seen_in,
+            "control": effect.control,
             "source": effect.source,
         }
         for effect in effects.values()

@@ -88,6 +88,9 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     mistaken_for: str = ""
     """Another cause with the same formula, which no data can distinguish from this one; a claim mentions it."""
+    control: str = ""
+    """An experiment other than trials at some φ and ω in which the effect shows, and how: ``dry the grains: it
+    vanishes``. A verdict asks for it where no such trial distinguishes the effect from others."""
     first_step_differs: bool = False
     """True if the effect differs in the first step: virgin ground, standing start (see ``chain.first_step``)."""
     clocked: bool = False

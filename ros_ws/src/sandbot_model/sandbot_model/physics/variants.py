@@ -185,6 +185,7 @@ class Variant(Effect):
         self.family = family
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
+        self.control = family.control
         self.of_phases = variant in OF_PHASES
         """Whether it differs from its family only where legs turn at two rates."""
         ranges = (f"{p.name} [{p.unit}] in {p.low}..{p.high}" for p in family.parameters)

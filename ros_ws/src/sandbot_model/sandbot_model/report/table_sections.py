@@ -149,7 +149,18 @@ def _stiffness(fit: Fit, level: int) -> str:
 
 
 def next_trials(discovery: Discovery) -> list[Section]:
-    """Table of the proposed measurements."""
+    """Tables of the proposed measurements, and of controls where no trial distinguishes the explanations."""
+    tables = (*_proposed(discovery), *_controls(discovery))
+    return [Section("next", "Next trials", tables=tables)] if tables else []
+
+
+def _controls(discovery: Discovery) -> list[Table]:
+    rows = [(readable(name), control) for name, control in discovery.controls.items()]
+    caption = "Experiments of another kind: no trial within this range of φ and ω distinguishes these explanations."
+    return [Table(caption, ("effect", "control, and how the effect shows in it"), rows, (True, True))] if rows else []
+
+
+def _proposed(discovery: Discovery) -> list[Table]:
     if not discovery.next_trials:
         return []
     rows = [
@@ -166,7 +177,7 @@ def next_trials(discovery: Discovery) -> list[Section]:
         rows,
         (True, True, True, False, False),
     )
-    return [Section("next", "Next trials", tables=(table,))]
+    return [table]
 
 
 def failing(steps: tuple[Step, ...]) -> Section:

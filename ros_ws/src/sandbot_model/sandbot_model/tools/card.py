@@ -17,6 +17,7 @@ def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
         ("formula", plain(effect.formula)),
         *(("range", range_of(parameter)) for parameter in effect.parameters),
         ("seen in", f"{plain(effect.seen_in)} (v speed, L lift, W waveform, T torque, P pitch)"),
+        *([("control", effect.control)] if effect.control else []),
         ("source", effect.source),
     ]
     head = [styled(effect.identifier, "bold"), filled(words(effect), "  "), ""]

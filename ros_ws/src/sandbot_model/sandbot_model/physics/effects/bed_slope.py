@@ -17,6 +17,7 @@ class BedSlope(Effect):
     )
     source = "statics on an incline"
     seen_in = "direction asymmetry"
+    control = "walk the track the other way: its sign changes"
     parameters = (
         Parameter(
             "chi_rad", "rad", -0.035, 0.035, 0.01, "slope of the bed, uphill positive", neutral=0.0, symbol="chi"

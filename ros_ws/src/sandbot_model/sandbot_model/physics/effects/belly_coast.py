@@ -14,6 +14,7 @@ class BellyCoast(Effect):
     formula = "s -> s + u*t - mu_b*g*t^2/2; u = 2*asin(s_0/(2*R))/t_s*max(d + h - R, 0); t = min(u/(mu_b*g), t_left)"
     source = "friction decay of the speed at touch-down"
     seen_in = "W decay; high omega"
+    control = "cover the belly with a slippery film: it coasts farther"
     parameters = (Parameter("mu_b", "1", 0.3, 1.5, 0.7, "friction coefficient of the belly on grains", hard_low=0.02),)
     first_step_differs = True
 

@@ -14,6 +14,7 @@ class CableDrag(Effect):
     formula = "s -> s*e; peak -> peak*e; e = clip(1 - F_c/F_x, 0, 1); F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]"
     source = "Li09, rails and cable"
     seen_in = "s and W peak, L unchanged"
+    control = "carry the cable along, or unhook it: its drag vanishes"
     parameters = (
         Parameter(
             "f_c_n", "N", 0.05, 0.5, 0.2, "drag of the cable on one leg", neutral=0.0, hard_low=0.0, symbol="F_c"

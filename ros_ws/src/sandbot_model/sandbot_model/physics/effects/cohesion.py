@@ -12,6 +12,7 @@ class Cohesion(Effect):
     formula = "F_z -> F_z + 2*c*w*R"
     source = "Mohr-Coulomb"
     seen_in = "offset in F(z)"
+    control = "dry the grains: it vanishes"
     parameters = (Parameter("c_pa", "Pa", 0.0, 500.0, 200.0, "cohesion", neutral=0.0, hard_low=0.0, symbol="c"),)
 
     def apply(self, chain: Chain, p: Values) -> None:

@@ -14,6 +14,7 @@ class CraterRefill(Effect):
     formula = "z -> max(z - z_0*exp(-pi/(omega*tau))*clip((1.2*R - a)/(0.1*R), 0, 1), 0): not in the first step"
     source = "Li09, depression left by a leg"
     seen_in = "v, W; omega > omega_c"
+    control = "draw a leg out of the ground and film how its crater refills"
     parameters = (
         Parameter(
             "z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0, symbol="z_0"

@@ -18,6 +18,7 @@ class Dilation(Effect):
     )
     source = "Gravish et al. 2010"
     seen_in = "sign flips at phi_c"
+    control = "press a leg in and film the surface: dense ground rises, loose ground sinks"
     parameters = (
         Parameter(
             "xi",

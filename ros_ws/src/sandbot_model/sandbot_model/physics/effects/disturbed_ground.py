@@ -14,6 +14,7 @@ class DisturbedGround(Effect):
     formula = "k -> k - max(k - k_L, 0)*clip((s_c*R - a)/(0.1*R), 0, 1): not in the first step"
     source = "Li09, transition at s/R = 0.9-1"
     seen_in = "v collapse with a normal first step; phi > .6, omega > omega_c"
+    control = "prepare the ground anew before every step: the collapse vanishes"
     parameters = (
         Parameter(
             "k_l_n_per_m", "N/m", 165.0, 185.0, 175.0, "stiffness of disturbed ground", hard_low=0.0, symbol="k_L"

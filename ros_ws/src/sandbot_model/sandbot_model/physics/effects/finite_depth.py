@@ -14,6 +14,7 @@ class FiniteDepth(Effect):
     formula = "k -> k*(1 + exp(-(D - z)/l))"
     source = "Stone et al. 2004"
     seen_in = "L cap; deep d"
+    control = "fill a deeper bed: it vanishes"
     parameters = (
         Parameter("l_m", "m", 0.01, 0.03, 0.02, "depth over which the floor is felt", hard_low=0.002, symbol="l"),
     )

@@ -15,6 +15,7 @@ class InertialDrag(Effect):
     formula = "F_z -> F_z + lambda_1*rho_b*w*R*(R*omega)^2; rho_b = 600 [kg/m^3]"
     source = "Katsuragi & Durian 2007"
     seen_in = "v, T; omega > 20 rad/s"
+    control = "hold the body and turn the legs in the ground: the force on it grows with ω²"
     parameters = (Parameter("lambda_1", "1", 0.5, 2.0, 1.0, "drag coefficient", neutral=0.0, hard_low=0.0),)
 
     def apply(self, chain: Chain, p: Values) -> None:

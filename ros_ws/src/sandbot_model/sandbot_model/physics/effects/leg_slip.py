@@ -14,6 +14,7 @@ class LegSlip(Effect):
     formula = "s -> s*e; peak -> peak*e; e = clip(1 - sigma_s*(d_r/d)^2, 0, 1)"
     source = "circular slipping, Li09"
     seen_in = "s and W peak; shallow d"
+    control = "glue grains to the legs: rough legs slip less"
     parameters = (
         Parameter(
             "sigma", "1", 0.0, 0.2, 0.1, "slip at depth d_r", neutral=0.0, hard_low=0.0, hard_high=0.9, symbol="sigma_s"

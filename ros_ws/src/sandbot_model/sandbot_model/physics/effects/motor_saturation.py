@@ -24,6 +24,7 @@ class MotorSaturation(Effect):
     )
     source = "Li09, motor torque and speed"
     seen_in = "encoder omega, T; high omega"
+    control = "film or read the legs' angle: they turn slower than commanded"
     parameters = (
         Parameter(
             "omega_s_rad_s",

@@ -17,6 +17,7 @@ class PhiNonuniformity(Effect):
     formula = "sigma -> hypot(sigma, sigma_phi): v averaged over phi ~ N(phi, sigma)"
     source = "Li09, air flow uniform to 10 %"
     seen_in = "replicate scatter near omega_c"
+    control = "measure φ at several places along the track"
     parameters = (
         Parameter("sigma_phi", "1", 0.001, 0.004, 0.002, "spread of φ along the track", neutral=0.0, hard_low=0.0),
     )

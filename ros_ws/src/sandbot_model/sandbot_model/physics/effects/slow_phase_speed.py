@@ -37,6 +37,7 @@ class SlowPhaseSpeed(Effect):
     clocked = at_the_slow_rate = True
     first_step_differs = True
     seen_in = "W peak"
+    control = "walk in a gait of another slow-phase rate: the base model's Δt changes with it"
     parameters = (
         Parameter(
             "rho", "1", 0.2, 2.0, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05

@@ -12,6 +12,7 @@ class StanceOverlap(Effect):
     formula = "v -> v*(1 - eta): the first step likewise"
     source = "Li09, double stance"
     seen_in = "off the geometry lock, L unchanged"
+    control = "walk in a gait of smaller duty factor d_c: it shrinks"
     mistaken_for = "a cable sparing the peak"
     parameters = (
         Parameter(

@@ -15,6 +15,7 @@ class UnequalLegLoad(Effect):
     formula = "k -> where((1 + x)*z > 2*R - h, 0, k): the middle leg carries m (1 + x)"
     source = "statics of a 2+1 tripod"
     seen_in = "P; early collapse"
+    control = "weigh what each leg carries: the middle one carries more"
     parameters = (
         Parameter("x", "1", 0.0, 0.5, 0.15, "surplus load of the middle leg", neutral=0.0, hard_low=0.0, hard_high=1.0),
     )
