@@ -8,18 +8,8 @@ discovery tool must answer "unexplained".
 from dataclasses import dataclass
 
 from sandbot_common.errors import InputError
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One number of an effect: default, inclusive bounds, unit and meaning."""
-
-    name: str
-    default: float
-    low: float
-    high: float
-    unit: str
-    doc: str
+from sandbot_common.parameters import Spec, check
+from sandbot_common.suggest import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -27,14 +17,18 @@ class Effect:
     """What one effect does to the state, and its parameters."""
 
     doc: str
-    parameters: tuple[EffectParameter, ...] = ()
+    parameters: tuple[tuple[Spec, float], ...] = ()
+    """Each with its default."""
 
     def defaults(self) -> dict[str, float]:
         """The default value of every parameter."""
-        return {parameter.name: parameter.default for parameter in self.parameters}
+        return {spec.name: default for spec, default in self.parameters}
 
 
-P = EffectParameter
+def P(name: str, default: float, low: float, high: float, unit: str, doc: str) -> tuple[Spec, float]:
+    """One number of an effect, with inclusive bounds, and its default."""
+    return Spec(name, float, unit, doc, low, high, choices=()), default
+
 
 EFFECTS: dict[str, Effect] = {
     # strength of the ground
@@ -193,26 +187,15 @@ DRAWN = (
 def checked_effect(name: object, given: object, where: str) -> dict[str, float]:
     """All parameters of one effect, defaults filled in; InputError on an unknown name or a value out of bounds."""
     if not isinstance(name, str) or name not in EFFECTS:
-        raise InputError(f"{where}: unknown effect {name!r}; known: {', '.join(EFFECTS)}")
+        raise InputError(f"{where}: unknown effect {name!r}{did_you_mean(str(name), EFFECTS)}")
     if given is None:
         given = {}
     if not isinstance(given, dict):
         raise InputError(f"{where}: {name}: expected a mapping of parameters, got {given!r}")
+    known = {spec.name: spec for spec, _ in EFFECTS[name].parameters}
     values = EFFECTS[name].defaults()
-    known = {parameter.name: parameter for parameter in EFFECTS[name].parameters}
     for key, value in given.items():
         if key not in known:
-            raise InputError(f"{where}: {name}: unknown parameter {key!r}; known: {', '.join(known) or 'none'}")
-        values[key] = _within(known[key], value, f"{where}: {name}")
+            raise InputError(f"{where}: {name}: unknown parameter {key!r}{did_you_mean(str(key), known)}")
+        values[key] = check(known[key], value, f"{where}: {name}")
     return values
-
-
-def _within(parameter: EffectParameter, value: object, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {parameter.name}: {value!r} is not a number")
-    if not parameter.low <= value <= parameter.high:
-        raise InputError(
-            f"{where}: {parameter.name}: {value} is outside [{parameter.low:g}, {parameter.high:g}] {parameter.unit}"
-            f" ({parameter.doc})"
-        )
-    return float(value)
