@@ -21,6 +21,16 @@ def test_what_is_like_nothing_is_answered_with_all_there_is():
     assert near("gravity", EFFECTS) == ""
 
 
+def test_a_short_name_is_not_found_in_the_letters_of_a_long_one():
+    assert near("eta", ["delta_t_s", "k_f"]) == ""
+    assert near("phj", ["phi", "k"]) == "phi"
+
+
+def test_a_common_file_ending_makes_nothing_alike():
+    assert near("nosuch.yaml", ["sgcs.yaml", "demo.yaml"]) == ""
+    assert near("dmo.yaml", ["sgcs.yaml", "demo.yaml"]) == "demo.yaml"
+
+
 @given(st.text(max_size=20), st.lists(st.text(max_size=10), max_size=5))
 def test_what_is_suggested_is_always_known(typed, known):
     assert near(typed, known) in {"", *known}
