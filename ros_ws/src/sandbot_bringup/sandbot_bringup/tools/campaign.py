@@ -3,7 +3,8 @@
 import argparse
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -168,7 +169,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
     if plan.until:
         from sandbot_bringup.until import with_start
 
-        plan = with_start(plan)
+        with _options_named(options) as where:
+            plan = with_start(plan, where)
     if not options.batch:
         no_crew(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
@@ -189,8 +191,28 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return plan
+    if not plan.until and options.until is None:
+        raise InputError(f"{_flag(next(iter(given)))} needs --until {VERDICT}")
     grown = parse_yaml(to_yaml(dataclasses.replace(plan, **given)), plan.name)
-    return plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
+    with _options_named(options) as where:
+        return plan_of(grown, where)
+
+
+@contextmanager
+def _options_named(options: argparse.Namespace) -> Iterator[str]:
+    """What opens an InputError here: the plan's file, in place of which the option is named that set the key."""
+    where = str(options.plan)
+    try:
+        yield where
+    except InputError as error:
+        key, _, said = str(error).removeprefix(f"{where}: ").partition(": ")
+        if key not in VERDICT_KEYS or getattr(options, key) is None:
+            raise
+        raise InputError(f"{_flag(key)}: {said}") from None
+
+
+def _flag(key: str) -> str:
+    return f"--{key.replace('_', '-')}"
 
 
 def _not_ok(folder: CampaignFolder) -> dict[str, str]:
