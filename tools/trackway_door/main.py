@@ -41,7 +41,8 @@ def _main(argv: Sequence[str]) -> int:
     if name == "doctor":
         from trackway_door import doctor
 
-        code = doctor.main(arguments)
+        sys.argv[0] = name
+        code = cli.run(doctor.main, arguments)
     else:
         code = _run(command(name, arguments, others), ours=name not in FOREIGN)
     verb = VERBS.get(name)

@@ -62,6 +62,12 @@ def test_the_shells_pipe_is_a_file_of_the_verb(tmp_path):
     assert "no such file" not in table.stderr
 
 
+def test_an_error_is_of_its_verb(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["trackway"])
+    assert door.main(["doctor", "--patience", "x"]) == 2
+    assert capsys.readouterr().err.startswith("doctor: error: argument --patience")
+
+
 def test_demo_runs_the_script_and_live_the_launch_file():
     assert door.command("demo", [], {})[1:] == [str(door.TOOLS / "demo.sh"), *door.DEMO]
     assert door.command("demo", ["mine"], {})[2:] == ["mine", door.DEMO[1]]
