@@ -128,9 +128,9 @@ def lab_effects() -> str:
     from sandbot_lab.effects import EFFECTS
 
     rows = [
-        (f"`{name}`", f"`{one.name}`", one.unit or "–", f"{one.low:g} to {one.high:g}", f"`{one.default:g}`", one.doc)
+        (f"`{name}`", f"`{one.name}`", one.unit or "–", f"{one.low:g} to {one.high:g}", f"`{default:g}`", one.doc)
         for name, effect in EFFECTS.items()
-        for one in effect.parameters
+        for one, default in effect.parameters
     ]
     bare = ", ".join(f"`{name}`" for name, effect in EFFECTS.items() if not effect.parameters)
     return (
