@@ -1,6 +1,7 @@
 """Bad input to any command: exit code 2, one line that says what is wrong and where, and nothing written."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -461,6 +462,18 @@ def test_one_line_says_what_is_wrong_and_nothing_is_written(given, tmp_path, run
     missing = [word for word in given.words if word.replace("@", str(tmp_path)).lower() not in err.lower()]
     assert not missing, err
     assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("tool", sorted({given.tool for given in CASES}, key=lambda tool: tool.__name__))
+def test_help_is_plain_text_and_explains_each_option(tool, capsys):
+    with pytest.raises(SystemExit):
+        tool.main(["--help"])
+    said = capsys.readouterr().out
+    assert "``" not in said
+    assert "; default: " not in re.sub(r"\([^)]*\)", "", said)
+    options = re.findall(r"^  (-.*(?:\n {24}.*)?)", said, re.MULTILINE)
+    assert options
+    assert [option for option in options if not re.search(r"\S(  |\n)\s*\w", option)] == []
 
 
 def test_good_input_passes_the_same_gate(tmp_path, run):

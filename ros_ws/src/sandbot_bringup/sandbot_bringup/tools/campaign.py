@@ -1,4 +1,4 @@
-"""``campaign PLAN --out FOLDER [--batch]``: run the trials of a plan, each into one bag."""
+"""campaign: run the trials of a plan, each into one bag."""
 
 import argparse
 import dataclasses
@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
         help="hide an effect drawn with SEED, in addition to those of --world (--batch)",
     )
     parser.add_argument(
-        "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
+        "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag (default: of one trial, JPEG)"
     )
     add_crew(parser, "run the trials of --batch")
     parser.add_argument(
@@ -134,13 +134,16 @@ def _parser() -> argparse.ArgumentParser:
         help="prior sd of the variation of k from batch to batch (--until; default: 0.007)",
     )
     parser.add_argument(
-        "--bed-drift", type=float, metavar="SHARE", help="prior sd of the drift of k by the end (--until; 0.03)"
+        "--bed-drift",
+        type=float,
+        metavar="SHARE",
+        help="prior sd of the drift of k by the end (--until; default: 0.03)",
     )
     parser.add_argument(
         "--silence",
         type=float,
         metavar="S",
-        help="a node that is silent for longer ends the live trial under way; default: 1",
+        help="a node that is silent for longer ends the live trial under way (default: 1)",
     )
     parser.add_argument("--config-folder", action="store_true", help="print the folder of the example plans, and exit")
     parser.add_argument(
