@@ -12,7 +12,8 @@ PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/
 .PHONY: help setup demo faults fuzz soak test test-quick test-whole lint bench bench-quick screenshots notebook docs reference pasted rerun lock browser clean
 
 help:
-	@sed -n '1p' Makefile
+	@sed -n '1s/# //p' Makefile
+	@awk '/^## / {says = substr($$0, 4)} /^[a-z-]+:/ && says {printf "  %-12s %s\n", $$1, says; says = ""}' Makefile
 
 .venv/.ready: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "trackway: Python 3.11 or newer is needed, this is " + sys.version.split()[0] + "; try make PYTHON=python3.11")'
@@ -35,8 +36,10 @@ ros_ws/install/.compiled: ros_ws/install/.ready tools/warm_up.py $(shell grep -r
 	$(RUN) python tools/warm_up.py >/dev/null 2>&1 || { $(RUN) python tools/warm_up.py; exit 1; }
 	@touch $@
 
+## What every other target needs: the wheels, the workspace, compiled kernels.
 setup: ros_ws/install/.compiled
 
+## A blind campaign on the virtual lab, from trials to verdict, in DEMO_OUT; SEED hides one more effect.
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
@@ -50,75 +53,80 @@ WORKERS ?= $(shell echo $$(($$(nproc) + 3)))
 	$(RUN) PYTHONDONTWRITEBYTECODE= python -m pytest --collect-only -q > /dev/null || true
 	@touch $@
 
+## All tests but the whole matrices.
 test: setup browser lint .venv/.tests
 	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS)
 
+## The tests that need neither ROS, nor a browser, nor much time.
 test-quick: setup
 	$(RUN) $(PYTEST) -n 2 -m "not slow and not ros and not browser and not whole" $(PYTEST_ARGS)
 
-# The matrices of which `make test` takes a sample.
+## The matrices of which `make test` takes a sample.
 test-whole: setup
 	$(RUN) $(PYTEST) -n 2 -m whole $(PYTEST_ARGS)
 
-# Every process of a live trial killed, frozen and ended at every moment; FAULTS narrows it down, as in --targets clock.
+## Every process of a live trial killed, frozen and ended at every moment; FAULTS narrows it down, as in --targets clock.
 faults: setup
 	$(RUN) python tests/faults/matrix.py $(FAULTS)
 
-# Spoilt files for every parser, FUZZ cases more than there were; counts in benchmarks/fuzz.md.
+## Spoilt files for every parser, FUZZ cases more than there were; counts in benchmarks/fuzz.md.
 FUZZ ?= 10000
 fuzz: setup
 	$(RUN) python tests/faults/fuzz.py --cases $(FUZZ)
 
-# Live trials back to back for SOAK minutes: what grows, drifts or is lost, in benchmarks/soak.md.
+## Live trials back to back for SOAK minutes: what grows, drifts or is lost, in benchmarks/soak.md.
 SOAK ?= 30
 soak: setup
 	$(RUN) python tests/faults/soak.py --minutes $(SOAK)
 
+## ruff, mypy and the contracts between packages.
 lint: setup
 	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports
 
+## The benchmarks, or ONLY one of them; reports in benchmarks/.
 bench: setup
 	$(RUN) python benchmarks/run.py $(ONLY)
 
-# Ratios to peers again, against those of the last `make bench`: fails where one lost a fifth.
+## Ratios to peers again, against those of the last `make bench`: fails where one lost a fifth.
 bench-quick: setup
 	$(RUN) python benchmarks/run.py --quick
 
-# The pictures of docs/explorer.md and docs/console.md, drawn anew.
+## The pictures of docs/explorer.md and docs/console.md, drawn anew.
 screenshots: setup browser
 	$(RUN) python tools/screenshots.py
 	$(RUN) python tools/console_picture.py
 
-# docs/python.md run, its outputs written back, and examples/python.ipynb made of it.
+## docs/python.md run, its outputs written back, and examples/python.ipynb made of it.
 notebook: setup
 	$(RUN) python tools/notebook.py
 
-# docs/lookup written anew from the code.
+## docs/lookup written anew from the code.
 reference: setup
 	$(RUN) python tools/reference.py
 
-# Every command of README and docs typed into a fresh shell: docs/lookup/pasted.md holds their exit codes. Five minutes.
+## Every command of README and docs typed into a fresh shell: docs/lookup/pasted.md holds their exit codes. Five minutes.
 pasted: setup
 	$(RUN) python tools/pasted.py
 
-# docs/ as a site in runs/site, strict about links. Its wheels are fetched for it alone: nothing else needs them.
+## docs/ as a site in runs/site, strict about links. Its wheels are fetched for it alone: nothing else needs them.
 docs: reference
 	$(RUN) python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
 	$(RUN) NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet && echo "runs/site/index.html"
 
-# Rerun's wheels, an extra of 240 MB that only `export --out TRIAL.rrd` needs.
+## Rerun's wheels, an extra of 240 MB that only `export --out TRIAL.rrd` needs.
 rerun: setup
 	$(RUN) python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-rerun.lock
 
-# Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
+## Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:
 	@command -v chromium >/dev/null && command -v chromedriver >/dev/null || \
 		{ echo "trackway: installing chromium for the browser tests"; \
 		  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium chromium-driver >/dev/null; }
 
-# Re-pin every wheel from requirements.in.
+## Re-pin every wheel from requirements.in.
 lock:
 	$(PYTHON) tools/lock.py
 
+## Remove .venv, the built workspace and runs/.
 clean:
 	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log runs

@@ -6,7 +6,7 @@ out=$1
 seed=$2
 tools=$(dirname "$0")
 
-refuse() { echo "demo: $*" >&2; exit 2; }
+refuse() { echo "demo: error: $*" >&2; exit 2; }
 step() { printf '\n\033[1m%s\033[0m\n' "$*"; }
 
 # What is there will be removed: an earlier demo of this name may be, nothing else.

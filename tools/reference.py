@@ -132,10 +132,10 @@ def lab_effects() -> str:
         (
             f"`{name}`",
             " or ".join(f"`{word}`" for word in (one.name, one.catalogue) if word),
-            one.unit or "–",
-            f"{one.low:g} to {one.high:g}",
+            one.spec.unit or "–",
+            f"{one.spec.low:g} to {one.spec.high:g}",
             f"`{one.default:g}`",
-            one.doc,
+            one.spec.doc,
         )
         for name, effect in EFFECTS.items()
         for one in effect.parameters

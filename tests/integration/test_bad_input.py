@@ -1,6 +1,7 @@
 """Bad input to any command: exit code 2, one line that says what is wrong and where, and nothing written."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -94,6 +95,10 @@ def effects_file_case(name, text, *words):
     return case(f"effects-file-{name}", effects, line, "mine.py", *words, mine__py=text)
 
 
+def until_case(name, line, *words, change=""):
+    return case(f"until-{name}", campaign, f"@/plan.yaml --out @/out --batch {line}", *words, plan__yaml=PLAN + change)
+
+
 PLANS = [
     plan_case("unknown-key", "phy: [0.6]\n", "phy", "phi"),
     plan_case("nan", "periods: .nan\n", "periods", "nan"),
@@ -131,6 +136,23 @@ PLANS = [
         plan__yaml=PLAN + "cameras: mine.yaml\n",
     ),
     case("plan-missing", campaign, "@/nowhere.yaml --out @/out --batch", "nowhere.yaml", "no such file"),
+    case("plan-like-no-other", campaign, "nosuch.yaml", "nosuch.yaml: no such file; known: demo.yaml, "),
+    case("plan-where-a-file-is", campaign, "@/p.yaml --out @/p.yaml --batch", "p.yaml: is a file", p__yaml=PLAN),
+    case(
+        "next-trials-of-no-discovery",
+        campaign,
+        "@/p.yaml --out @/out --batch --plan @/p.yaml",
+        "p.yaml: not JSON: line 1",
+        "the file that discover --json writes",
+        p__yaml=PLAN,
+    ),
+    until_case("alpha", "--until verdict --alpha 2", "--alpha: 2.0 is outside [1e-06, 0.5]"),
+    until_case("alpha-alone", "--alpha 0.1", "error: --alpha needs --until verdict"),
+    until_case("model", "--until verdict --model foo", "error: --model: 'foo' is not a base model; known: simple"),
+    until_case("budget", "--until verdict --budget 1", "error: --budget: 1 trials are fewer than the"),
+    until_case("sentinel", "--until verdict", "@/plan.yaml: sentinel: 2 with until", change="sentinel: 2\n"),
+    until_case("in-the-plan", "", "@/plan.yaml: alpha: 2 is outside", change="until: verdict\nalpha: 2\n"),
+    until_case("model-of-the-plan", "", "@/plan.yaml: model: 'foo' is not", change="until: verdict\nmodel: foo\n"),
     case("plan-not-given", campaign, "--batch", "plan"),
     case("plan-of-a-folder-without-one", campaign, "@ --batch", "campaign.yaml", "no such file"),
     case("plan-empty", campaign, "@/plan.yaml --out @/out --batch", "plan.yaml", plan__yaml=""),
@@ -303,6 +325,7 @@ SEALS = [
     case("unseal-no-discovery", unseal, "@", "discovery.json", "no such file", campaign__yaml=PLAN),
     case("unseal-missing", unseal, "@/nowhere", "nowhere", "no such file"),
     case("unseal-not-json", unseal, "@", "discovery.json", "not JSON", discovery__json="{"),
+    case("unseal-a-file", unseal, "@/a.csv", "@/a.csv is a file, a folder is needed", a__csv=GOOD),
     case("unseal-other-schema", unseal, "@", "discovery.json", "sandbot.discovery/1", discovery__json="{}"),
     case("unseal-no-truth", unseal, "@", "world.yaml", "no such file", discovery__json=DISCOVERY, campaign__yaml=PLAN),
     case(
@@ -353,6 +376,7 @@ def folder_and_table(name, tool, line, *words, **files):
 OTHERS = [
     folder_and_table("export-no-trial", export, "--out @/x.mp4", "--trial"),
     folder_and_table("export-no-such-trial", export, "--trial row_2 --out @/x.mp4", "row_2", "did you mean 'row2'"),
+    folder_and_table("export-no-trial-like-it", export, "--trial nope --out @/x.mp4", "here; known: row2, row3"),
     folder_and_table("export-no-bag", export, "--trial row2 --out @/x.mp4", "not from bags"),
     folder_and_table("export-another-kind", export, "--trial row2 --out @/x.avi", "x.avi", ".rrd or .mp4"),
     folder_and_table("export-below-a-file", export, "--trial row2 --out @/t.csv/x.mp4", "t.csv is not a folder"),
@@ -366,7 +390,7 @@ OTHERS = [
     folder_and_table("atlas-beside-nothing", atlas, "--beside @/none.csv", "none.csv", "no such file"),
     folder_and_table("atlas-into-a-file", atlas, "--out @/t.csv", "--out", "a folder is needed"),
     lens_case("points-are-a-folder", "--out @/o.yaml --intrinsics @", "is a folder"),
-    lens_case("lens-of-another", "--out @/o.yaml --intrinsics @/t.csv", "t.csv", "mapping", t__csv=GOOD),
+    lens_case("lens-of-another", "--out @/o.yaml --intrinsics @/t.csv", "t.csv", "key: value", t__csv=GOOD),
     lens_case("two-lenses", "--out @/o.yaml --intrinsics @/c.yaml --chessboard @/b.mp4", "choose one", c__yaml=CAMERAS),
     lens_case("no-such-camera", "--out @/o.yaml --name top", "top", "dorsal"),
     lens_case("one-too-many", "@/q.csv --out @/o.yaml", "q.csv", "too many"),
@@ -375,7 +399,7 @@ OTHERS = [
     case("pressed-at-nan", penetrometer, "--phi nan --out @/o.csv", "phi", "nan"),
     case("pressed-at-nothing", penetrometer, "--out @/o.csv", "--phi"),
     case("pressed-in-no-world", penetrometer, "--phi 0.6 --out @/o.csv --world @/w.yaml", "w.yaml", "no such file"),
-    case("devices-in-a-file", simulate, "@/t.csv", "t.csv", "exists", t__csv=GOOD),
+    case("devices-in-a-file", simulate, "@/t.csv", "t.csv is a file, a folder is needed", t__csv=GOOD),
     case("devices-without-a-camera", simulate, "@/d --cameras @/c.yaml", "c.yaml", "lateral", c__yaml=CAMERAS),
     case("devices-of-no-seed", simulate, "@/d --seed -1", "--seed", "-1"),
     case("devices-on-no-ground", simulate, "@/d --phi nan", "--phi", "nan"),
@@ -438,6 +462,18 @@ def test_one_line_says_what_is_wrong_and_nothing_is_written(given, tmp_path, run
     missing = [word for word in given.words if word.replace("@", str(tmp_path)).lower() not in err.lower()]
     assert not missing, err
     assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("tool", sorted({given.tool for given in CASES}, key=lambda tool: tool.__name__))
+def test_help_is_plain_text_and_explains_each_option(tool, capsys):
+    with pytest.raises(SystemExit):
+        tool.main(["--help"])
+    said = capsys.readouterr().out
+    assert "``" not in said
+    assert "; default: " not in re.sub(r"\([^)]*\)", "", said)
+    options = re.findall(r"^  (-.*(?:\n {24}.*)?)", said, re.MULTILINE)
+    assert options
+    assert [option for option in options if not re.search(r"\S(  |\n)\s*\w", option)] == []
 
 
 def test_good_input_passes_the_same_gate(tmp_path, run):

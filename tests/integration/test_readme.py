@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import subprocess
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -160,6 +161,12 @@ def test_make_targets_exist():
     named = set(re.findall(r"(?:`|    )make ([\w-]+)", README))
     assert named
     assert named <= targets
+
+
+def test_make_help_has_a_line_for_each_target():
+    told = subprocess.run(["make", "help"], cwd=ROOT, text=True, capture_output=True, check=True).stdout
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert re.findall(r"^  ([\w-]+): +\w", told, re.MULTILINE) == [target for target in targets if target != "help"]
 
 
 def test_links_and_folders_exist():

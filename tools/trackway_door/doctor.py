@@ -1,4 +1,4 @@
-"""``trackway doctor``: what works here, what does not, and what to do about it. Nothing is changed."""
+"""doctor: what works here, what does not, and what to do about it. Nothing is changed."""
 
 import argparse
 import fcntl
@@ -40,7 +40,13 @@ class Finding:
 def main(argv: Sequence[str]) -> int:
     """Print a line for each check; exit code 1 if one failed."""
     parser = cli.Parser(prog="trackway doctor", description=__doc__)
-    parser.add_argument("--patience", type=float, default=PATIENCE_S, metavar="S", help="for a message's round trip")
+    parser.add_argument(
+        "--patience",
+        type=float,
+        default=PATIENCE_S,
+        metavar="S",
+        help=f"wait so long for a message's round trip (default: {PATIENCE_S:g})",
+    )
     args = parser.parse_args(argv)
     if not 0 < args.patience <= LONGEST_S:
         parser.error(f"--patience: {args.patience:g} is not above 0 and up to {LONGEST_S:g} s")

@@ -41,7 +41,8 @@ def _main(argv: Sequence[str]) -> int:
     if name == "doctor":
         from trackway_door import doctor
 
-        code = doctor.main(arguments)
+        sys.argv[0] = name
+        code = cli.run(doctor.main, arguments)
     else:
         code = _run(command(name, arguments, others), ours=name not in FOREIGN)
     verb = VERBS.get(name)
@@ -96,7 +97,8 @@ def _run(words: Sequence[str], *, ours: bool) -> int:
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     free = None if ours else lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
     try:
-        with subprocess.Popen(words, preexec_fn=free) as process:
+        # Files stay open: the shell's <(…) is one.
+        with subprocess.Popen(words, preexec_fn=free, close_fds=False) as process:
             for number in (signal.SIGTERM, signal.SIGHUP):
                 signal.signal(number, lambda sent, _frame: process.send_signal(sent))
             code = process.wait()

@@ -124,7 +124,7 @@ def test_penetrometer_readings_among_the_next_trials_are_left_to_the_penetromete
 def test_yaml_that_is_a_list_is_refused(tmp_path):
     path = tmp_path / "campaign.yaml"
     path.write_text(yaml.safe_dump([1, 2]))
-    with pytest.raises(InputError, match="expected a mapping"):
+    with pytest.raises(InputError, match=r": lines .key: value. are needed"):
         read_plan(path)
 
 

@@ -52,7 +52,7 @@ def test_what_the_plan_pins_is_run_first():
     ("more", "said"),
     [
         ({"budget": 5}, "budget: 5 trials are fewer than the 16"),
-        ({"model": "fulll"}, "model: 'fulll' is no base model"),
+        ({"model": "fulll"}, "model: 'fulll' is not a base model"),
     ],
 )
 def test_what_can_give_no_verdict_is_refused(more, said):
@@ -127,7 +127,7 @@ def test_a_trial_that_is_ok_since_is_looked_at(tmp_path, monkeypatch):
 
 def test_the_budget_holds_for_all_that_is_run(tmp_path):
     pinned = [{"phi": 0.61, "omega_rad_s": 12, "replicates": 4}]
-    with pytest.raises(InputError, match="budget: 18 trials are fewer than the 20 that it starts with"):
+    with pytest.raises(InputError, match="budget: 18 trials are fewer than the 20 it starts with"):
         until.with_start(plan(budget=18, extra_trials=pinned))
     assert len(trials_of(until.with_start(plan(budget=20, extra_trials=pinned)))) == 20
 

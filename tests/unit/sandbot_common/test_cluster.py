@@ -73,9 +73,9 @@ def test_what_is_no_address_is_refused(address):
         pass
 
 
-def test_without_dask_the_extra_is_named(monkeypatch):
+def test_without_dask_its_project_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"distributed is not installed; pip install 'sandbot_common\[cluster\]'"):
+    with pytest.raises(InputError, match=r"distributed is not installed; pip install distributed$"):
         connected("tcp://127.0.0.1:1").__enter__()
 
 

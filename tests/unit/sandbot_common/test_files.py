@@ -15,6 +15,7 @@ from sandbot_common.files import (
     parse_json,
     read_csv,
     read_json,
+    read_text,
     read_yaml,
     whole_file,
     write_text,
@@ -93,8 +94,8 @@ def test_reads_a_mapping(tmp_path):
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (b"- 1\n", "expected a mapping of keys to values at the top, got list"),
-        (b"", "got NoneType"),
+        (b"- 1\n", "c.yaml: lines 'key: value' are needed"),
+        (b"", "c.yaml: is empty; lines"),
         (b"a: [1\n", "not YAML"),
         (b"\xff\xfe\x00", r"not a text file \(UTF-8\); a YAML file is needed"),
         (b"PK\x03\x04\x14\x00\xff", r"of a spreadsheet \(.xlsx, .ods\) save the sheet as CSV"),
@@ -169,8 +170,19 @@ def test_reads_json_with_or_without_a_byte_order_mark(tmp_path):
 
 @pytest.mark.parametrize("text", ["{", "", "[" * 100_000, "1" * 5000])
 def test_what_is_not_json_is_told_in_one_line(text):
-    with pytest.raises(InputError, match=r"^/trial: not JSON: [^\n]*$"):
-        parse_json(text, "/trial")
+    with pytest.raises(InputError, match=r"^/trial: not JSON: [^\n]*; write it again$"):
+        parse_json(text, "/trial", "; write it again")
+
+
+def test_a_file_where_a_folder_is_needed_is_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("phi\n")
+    with pytest.raises(InputError, match=r"a\.csv is a file, a folder is needed$"):
+        read_text(path / "trials.csv")
+    with pytest.raises(InputError, match=r"can't be written: .*a\.csv is a file, a folder is needed$"), writing(path):
+        path.mkdir()
+    with pytest.raises(InputError, match=r"b\.csv: no such file$"):
+        read_text(tmp_path / "b.csv")
 
 
 def test_reads_a_csv_by_column_with_the_number_of_each_row(tmp_path):
@@ -226,6 +238,16 @@ def rows_of(path, text):
 )
 def test_the_sign_that_gives_each_row_as_many_cells_separates(tmp_path, text, header, rows):
     assert rows_of(tmp_path / "t.csv", text) == (header, rows)
+
+
+def test_a_line_is_a_title_only_where_names_that_matter_follow(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("Sand, 2026\na,b,c\n1,2,3\n")
+    header, rows = read_csv(path, matters=lambda name: name in "ab")
+    assert (header, list(rows)) == (["a", "b", "c"], [(3, {"a": "1", "b": "2", "c": "3"})])
+    path.write_text("Sand,Robot,x\n1,2,3\n")
+    assert read_csv(path, matters=lambda name: name in "ab")[0] == ["Sand", "Robot", "x"]
+    assert read_csv(path)[0] == ["Sand", "Robot", "x"]
 
 
 @pytest.mark.parametrize("first", ["sep=|", '"sep=|"', "SEP=|", "sep=|||"])

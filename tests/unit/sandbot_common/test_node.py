@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import subprocess
 import sys
@@ -5,8 +6,12 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.parameter import Parameter
 
 from sandbot_common import process
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import parameter
 from sandbot_common.ros import node
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -92,3 +97,54 @@ def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():
     assert told.startswith("-c: error: ROS does not start: ")
     assert "/dev/null/log" in told
     assert told.endswith("; ROS_LOG_DIR can name a folder that you may write to")
+
+
+@dataclasses.dataclass(frozen=True)
+class Legs:
+    rate_hz: float = parameter(2.0, unit="Hz", doc="a rate", low=0.0, high=50.0)
+    port: int = parameter(80, doc="a port", low=1, high=65535)
+
+
+@pytest.fixture
+def given(domain):
+    """``given(name=value)``: the ``Parameters`` of a node that is started with these."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    made = []
+
+    def start(**overrides):
+        asked = [Parameter(name, value=value) for name, value in overrides.items()]
+        made.append(rclpy.create_node("legs", context=context, parameter_overrides=asked))
+        return made[-1], node.Parameters(made[-1], Legs)
+
+    yield start
+    for one in made:
+        one.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.mark.ros
+def test_a_whole_number_is_a_float_where_one_is_meant_at_start_and_later(given):
+    one, parameters = given(rate_hz=12)
+    assert parameters.current == Legs(rate_hz=12.0)
+    assert one.set_parameters([Parameter("rate_hz", value=3)])[0].successful
+    assert parameters.current == Legs(rate_hz=3.0)
+    assert one.get_parameter("rate_hz").type_ == Parameter.Type.DOUBLE
+    assert not one.set_parameters([Parameter("rate_hz", value=99)])[0].successful
+    assert not one.set_parameters([Parameter("port", value=8.5)])[0].successful
+    assert parameters.current == Legs(rate_hz=3.0)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        ({"rate_hz": 58}, r"rate_hz: 58 is outside \[0, 50\] Hz \(a rate\)"),
+        ({"rate_hz": "fast"}, "rate_hz: 'fast' is not of type float"),
+        ({"port": 99999}, r"port: 99999 is outside \[1, 65535\]"),
+        ({"port": 8.5}, "port: 8.5 is not of type int"),
+    ],
+)
+def test_a_wrong_parameter_is_said_in_the_words_of_every_other_file(given, slip, said):
+    with pytest.raises(InputError, match=f"legs parameters: {said}"):
+        given(**slip)

@@ -53,6 +53,21 @@ def test_every_executable_of_the_workspace_has_a_line_or_is_forwarded_to():
     assert "sandbot_model" not in told
 
 
+def test_the_shells_pipe_is_a_file_of_the_verb(tmp_path):
+    row = r"phi,omega_rad_s,speed_m_s\n0.6,12,0.1\n"
+    table = subprocess.run(
+        ["bash", "-c", f"{TRACKWAY} table <(printf '{row}')"],
+        env=BARE, text=True, capture_output=True, timeout=120, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    assert "no such file" not in table.stderr
+
+
+def test_an_error_is_of_its_verb(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["trackway"])
+    assert door.main(["doctor", "--patience", "x"]) == 2
+    assert capsys.readouterr().err.startswith("doctor: error: argument --patience")
+
+
 def test_demo_runs_the_script_and_live_the_launch_file():
     assert door.command("demo", [], {})[1:] == [str(door.TOOLS / "demo.sh"), *door.DEMO]
     assert door.command("demo", ["mine"], {})[2:] == ["mine", door.DEMO[1]]

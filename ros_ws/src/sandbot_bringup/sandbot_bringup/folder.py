@@ -101,7 +101,8 @@ class CampaignFolder:
                     f"{self.path}: budget: {plan.max_trials} trials are fewer than the {planned} planned already"
                 )
         elif blocking := next((path for path in (self.path, *self.path.parents) if path.is_file()), None):
-            raise InputError(f"{self.path}: {blocking} is a file; give another --out")
+            what = "is a file" if blocking == self.path else f"{blocking} is a file"
+            raise InputError(f"{self.path}: {what}; give another --out")
         elif self.path.exists() and any(item != self.truth.parent for item in self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
         else:

@@ -315,7 +315,7 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     # Imported here, because it loads all of the fitting code, which most plans don't need.
     from sandbot_model.discovery.next_trials import PENETRATION
 
-    content = read_json(path)
+    content = read_json(path, "; the file that discover --json writes is needed")
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:
         raise InputError(f"{path}: no next_trials in it; the verdict may need none")

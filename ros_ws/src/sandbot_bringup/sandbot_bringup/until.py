@@ -34,17 +34,17 @@ Entry = Mapping[str, Any]
 ``Look.to_dict`` has."""
 
 
-def with_start(plan: Plan) -> Plan:
+def with_start(plan: Plan, where: str = "plan") -> Plan:
     """The plan with its starting conditions, after any extra trials it already has; unchanged if it has started.
 
-    Raises InputError if the base model is unknown, or the budget too small for the start.
+    Raises InputError, opened by ``where``, if the base model is unknown, or the budget too small for the start.
     """
     # Imported here, because it loads all of the fitting code, which most campaigns don't need.
     from sandbot_model.design.start import start
     from sandbot_model.physics.walking import BASES
 
     if plan.model not in BASES:
-        raise InputError(f"{plan.name}: model: {plan.model!r} is no base model{did_you_mean(plan.model, BASES)}")
+        raise InputError(f"{where}: model: {plan.model!r} is not a base model{did_you_mean(plan.model, BASES)}")
     if any(extra.get("because") == START for extra in plan.extra_trials):
         return plan
     conditions = start(plan.phi, plan.omega_rad_s)
@@ -53,9 +53,7 @@ def with_start(plan: Plan) -> Plan:
         [{"phi": phi, "omega_rad_s": omega, "replicates": REPLICATES, "because": START} for phi, omega in conditions],
     )
     if plan.max_trials < (least := len(trials_of(grown))):
-        raise InputError(
-            f"{plan.name}: budget: {plan.max_trials} trials are fewer than the {least} that it starts with"
-        )
+        raise InputError(f"{where}: budget: {plan.max_trials} trials are fewer than the {least} it starts with")
     return grown
 
 

@@ -38,7 +38,7 @@ def connected(
         import cloudpickle  # type: ignore[import-untyped]
         from distributed import Client
     except ImportError as error:
-        raise InputError(f"--dask: {error.name} is not installed; pip install 'sandbot_common[cluster]'") from None
+        raise InputError(f"--dask: {error.name} is not installed; pip install distributed") from None
     for module in by_value:
         cloudpickle.register_pickle_by_value(module)
     # We report the loss of the scheduler ourselves, once.

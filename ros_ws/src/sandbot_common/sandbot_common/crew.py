@@ -87,8 +87,8 @@ def one_a_cpu() -> Processes:
 def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = None) -> None:
     """Options ``--workers`` and ``--dask`` for this ``work``; default: ``usual`` processes (None: one per CPU)."""
     who = parser.add_mutually_exclusive_group()
-    count = "one per CPU" if usual is None else usual
-    who.add_argument("--workers", type=_count, metavar="N", help=f"processes that {work} at once (default: {count})")
+    default = "one per CPU" if usual is None else usual
+    who.add_argument("--workers", type=count, metavar="N", help=f"processes that {work} at once (default: {default})")
     who.add_argument(
         "--dask",
         metavar="ADDRESS",
@@ -96,9 +96,10 @@ def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = Non
     )
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """A number of processes, as an argparse type."""
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of processes; at least one is needed")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of processes: 1 or more are needed")
     return int(text)
 
 
@@ -117,8 +118,8 @@ def crew_of(
     Modules ``by_value`` are sent to a cluster with the tasks. Raises InputError.
     """
     if options.dask is None:
-        count = options.workers or usual
-        return nullcontext(one_a_cpu() if count is None else Processes(count))
+        workers = options.workers or usual
+        return nullcontext(one_a_cpu() if workers is None else Processes(workers))
     from sandbot_common.cluster import connected
 
     return connected(options.dask, by_value=by_value)

@@ -103,20 +103,33 @@ def writing(path: Path) -> Iterator[None]:
     """Turn an OSError while writing ``path`` into an InputError."""
     try:
         yield
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(f"{path}: can't be written: {_in_the_way(path) or error.strerror}") from None
     except OSError as error:
         raise InputError(f"{path}: can't be written: {error.strerror}") from None
+
+
+def _in_the_way(path: Path) -> str:
+    """Which file stands where a folder is needed; empty if none does."""
+    blocking = next((each for each in (path, *path.parents) if each.is_file()), None)
+    return f"{blocking} is a file, a folder is needed" if blocking else ""
 
 
 ARCHIVE = b"PK\x03\x04"
 """First bytes of a zip archive, and so of a workbook."""
 
 
-def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
-    """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the error line for a missing file."""
+def read_text(path: Path, needed: str = "a text file", remedy: str = "", notes: list[str] | None = None) -> str:
+    """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the error line for a missing file.
+
+    With ``notes``, other text is read as Windows-1252, and that is noted there.
+    """
     try:
-        return _decoded(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
+        return _decoded(path.read_bytes(), notes).replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file{remedy}") from None
+    except NotADirectoryError as error:
+        raise InputError(f"{path}: {_in_the_way(path) or error.strerror}") from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a folder, {needed} is needed") from None
     except OSError as error:
@@ -134,13 +147,25 @@ def _instead(error: UnicodeDecodeError, needed: str) -> str:
     return f"{needed} is needed" if b"\0" in error.object else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
 
 
-def _decoded(content: bytes) -> str:
+_CONTROL = re.compile(r"[^\t\n\r -~\xa0-\U0010ffff]")
+"""Characters that no text has, once it is decoded by the right encoding."""
+
+
+def _decoded(content: bytes, notes: list[str] | None = None) -> str:
     """Decode UTF-8, or UTF-16 with a byte order mark if it has an ASCII letter: nearly any bytes are valid UTF-16."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         text = content.decode("utf-16")
         if any(letter.isascii() and letter.isalpha() for letter in text):
             return text
-    return content.decode("utf-8-sig")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        with suppress(UnicodeDecodeError):
+            text = content.decode("cp1252")
+            if notes is not None and not _CONTROL.search(text):
+                notes.append("not UTF-8, read as Windows-1252: check letters beyond ASCII in names")
+                return text
+        raise
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -196,21 +221,24 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file."""
     content = parse_yaml(read_text(path, "a YAML file"), str(path))
     if not isinstance(content, dict):
-        raise InputError(f"{path}: expected a mapping of keys to values at the top, got {type(content).__name__}")
+        empty = "is empty; " if content is None else ""
+        raise InputError(f"{path}: {empty}lines 'key: value' are needed")
     return content
 
 
-def parse_json(text: str, where: str) -> Any:
-    """The content of a JSON text; ``where`` opens the error."""
+def parse_json(text: str, where: str, remedy: str = "") -> Any:
+    """The content of a JSON text; ``where`` opens the error, ``remedy`` ends it."""
     try:
         return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{where}: not JSON: line {error.lineno}: {error.msg}{remedy}") from None
     except (ValueError, RecursionError) as error:  # the latter: nested too deep
-        raise InputError(f"{where}: not JSON: {error}") from None
+        raise InputError(f"{where}: not JSON: {error}{remedy}") from None
 
 
 def read_json(path: Path, remedy: str = "") -> Any:
-    """The content of a JSON file; ``remedy`` as in ``read_text``."""
-    return parse_json(read_text(path, "a JSON file", remedy), str(path))
+    """The content of a JSON file; ``remedy`` ends the error line where it is missing or not JSON."""
+    return parse_json(read_text(path, "a JSON file", remedy), str(path), remedy)
 
 
 def write_json(path: Path, content: object) -> None:
@@ -227,18 +255,22 @@ def append_line(path: Path, content: object) -> None:
 
 
 def read_csv(
-    path: Path, needed: str = "a CSV file", matters: Callable[[str], bool] = bool
+    path: Path,
+    needed: str = "a CSV file",
+    matters: Callable[[str], bool] = bool,
+    notes: list[str] | None = None,
 ) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped, without empty rows.
 
     The separator may also be a tab, a semicolon, what a first line such as ``sep=;`` names, or spaces if nothing else
     fits; with these, numbers may have a decimal comma. A title or comment lines (#) may come first; the last comment is
     the header if no other follows. A repeated header, as in concatenated files, is skipped. Columns that ``matters``
-    selects must be unique.
+    selects must be unique, and lines above the first that has one are titles. With ``notes``, text that is not UTF-8 is
+    read as Windows-1252, and that is noted there.
     """
-    text = read_text(path, needed)
+    text = read_text(path, needed, notes=notes)
     try:
-        table = _table(text)
+        table = _table(text, matters)
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
     header = [" ".join(name.split()) for name in table.header]
@@ -253,6 +285,8 @@ NUMBER = re.compile(r"[+\-\N{MINUS SIGN}]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.I
 """A number in a cell, with a point or a comma."""
 _NUMBER_OR_NONE = re.compile(rf"({NUMBER.pattern}|nan)?", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+\-\N{MINUS SIGN}]?[1-9]\d{0,2}[.,]\d{3}")
+_TITLES = 10
+"""A header is sought in so many lines."""
 _Rows = list[tuple[int, list[str]]]
 
 
@@ -283,20 +317,20 @@ class _Table:
         return even and names
 
 
-def _table(text: str) -> _Table:
+def _table(text: str, matters: Callable[[str], bool]) -> _Table:
     """The text split by the separator that its first line names, or that fits best. Raises csv.Error if none does."""
     if named := _SEP_LINE.match(text):
         # The line's newline stays, so that the rows keep their numbers.
-        return _split(text[named.end() :], named[1])
+        return _split(text[named.end() :], named[1], matters)
     found, errors = [], []
     for separator in [sign for sign in ",\t;" if sign in text] or [","]:
         try:
-            found.append(_split(text, separator))
+            found.append(_split(text, separator, matters))
         except csv.Error as error:
             errors.append(error)
     if not any(table.is_consistent for table in found):
         with suppress(csv.Error):
-            found += filter(lambda table: table.is_consistent, [_split(_single_spaced(text), " ")])
+            found += filter(lambda table: table.is_consistent, [_split(_single_spaced(text), " ", matters)])
     if not found:
         raise errors[0]
     return max(found, key=lambda table: table.fit)
@@ -308,11 +342,11 @@ def _single_spaced(text: str) -> str:
     return "\n".join(re.sub("^#+ ", "#", line) for line in lines)
 
 
-def _split(text: str, separator: str) -> _Table:
+def _split(text: str, separator: str, matters: Callable[[str], bool]) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
     # A byte order mark may occur inside concatenated files.
     lines = [[cell.strip().strip("\ufeff").strip() for cell in line] for line in reader]
-    header, first = _header(lines)
+    header, first = _header(lines, matters)
     rows = [(at, cells) for at, cells in enumerate(lines[first:], start=first + 1) if any(cells) and cells != header]
     # R writes row numbers without a column name.
     if rows and [cells[: -len(header)] for _, cells in rows] == [[str(at + 1)] for at in range(len(rows))]:
@@ -320,9 +354,10 @@ def _split(text: str, separator: str) -> _Table:
     return _Table(separator, header, rows)
 
 
-def _header(lines: list[list[str]]) -> tuple[list[str], int]:
+def _header(lines: list[list[str]], matters: Callable[[str], bool]) -> tuple[list[str], int]:
     """The header, and the index of the first line below it. Comment lines (#) and single cells above a wider table
-    precede the header; but if numbers follow directly, the last comment with as many cells is it, as numpy writes it.
+    precede the header, and so does a line without a cell that ``matters`` if one with such cells follows soon; but if
+    numbers follow directly, the last comment with as many cells is it, as numpy writes it.
     """
     wide = any(sum(map(bool, line)) > 1 for line in lines if not _comment(line))
     for number, line in enumerate(lines):
@@ -332,7 +367,9 @@ def _header(lines: list[list[str]]) -> tuple[list[str], int]:
             for names in map(_comment, reversed(lines[:number])):
                 if len(names) == len(line) and not any(map(NUMBER.fullmatch, names)):
                     return names, number
-        return line, number + 1
+        soon = range(number, min(number + _TITLES, len(lines)))
+        at = next((each for each in soon if any(map(matters, lines[each]))), number)
+        return lines[at], at + 1
     return [], len(lines)
 
 

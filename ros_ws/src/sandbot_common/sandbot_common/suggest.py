@@ -3,15 +3,21 @@
 import difflib
 from collections.abc import Iterable
 
+_CUTOFF = 0.65
+"""Least similarity of a slip: one letter of three may be wrong. difflib's 0.6 finds "eta" in ``delta_t_s``."""
+_MOST = 30
+"""Most names listed; a campaign may have hundreds of trials."""
+
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of an error about ``name``: the nearest of the ``known`` names, or all of them.
+    """The end of an error about ``name``: the nearest of the ``known`` names, or the first of them.
 
-    Spaces, hyphens, underscores and capitals are ignored: "Leg slip" means ``leg_slip``.
+    Spaces, hyphens, underscores, capitals and .yaml are ignored: "Leg slip" means ``leg_slip``.
     """
     names = list(known)
     close = near(name, names)
-    return f", did you mean {close!r}?" if close else f"; known: {', '.join(names)}"
+    more = f", ... ({len(names)} in all)" if len(names) > _MOST else ""
+    return f", did you mean {close!r}?" if close else f"; known: {', '.join(names[:_MOST]) or 'none'}{more}"
 
 
 def near(name: str, known: Iterable[str]) -> str:
@@ -19,9 +25,9 @@ def near(name: str, known: Iterable[str]) -> str:
     plain = {_plain(candidate): candidate for candidate in known}
     if ends := [candidate for candidate in plain if candidate.endswith(f".{_plain(name)}")]:
         return plain[ends[0]]
-    close = difflib.get_close_matches(_plain(name), plain, n=1)
+    close = difflib.get_close_matches(_plain(name), plain, n=1, cutoff=_CUTOFF)
     return plain[close[0]] if close else ""
 
 
 def _plain(name: str) -> str:
-    return name.strip().lower().replace(" ", "").replace("-", "").replace("_", "")
+    return name.strip().lower().removesuffix(".yaml").replace(" ", "").replace("-", "").replace("_", "")

@@ -1,4 +1,4 @@
-"""simulate FOLDER: the four devices on pseudo-terminals FOLDER/bed, legs, dorsal and lateral, to test drivers on.
+"""simulate: the four devices on pseudo-terminals FOLDER/bed, legs, dorsal and lateral, to test drivers on.
 
 They are connected to the virtual lab's bed, robot and cameras. Lines on standard input unplug a cable (`pull legs`) and
 plug it back in (`plug legs`); what the devices do by themselves is printed.
@@ -28,13 +28,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(argv: Sequence[str]) -> int:
     parser = cli.Parser(prog="simulate", description=__doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where the terminals appear")
-    parser.add_argument("--cameras", type=Path, help="cameras.yaml; default: the project's own")
-    parser.add_argument("--robot", type=Path, help="robot.yaml; default: SandBot")
-    parser.add_argument("--seed", type=int, default=1, help="random seed of bed and cameras")
+    parser.add_argument("--cameras", type=Path, help="cameras.yaml (default: the project's own)")
+    parser.add_argument("--robot", type=Path, help="robot.yaml (default: SandBot)")
+    parser.add_argument("--seed", type=int, default=1, help="random seed of bed and cameras (default: 1)")
     parser.add_argument(
-        "--lease", type=float, default=0.24, metavar="S", help="time without a set-point after which the legs rest"
+        "--lease",
+        type=float,
+        default=0.24,
+        metavar="S",
+        help="time without a set-point after which the legs rest (default: 0.24)",
     )
-    parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on; default: the bed's own")
+    parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on (default: the bed's own)")
     options: argparse.Namespace = parser.parse_args(argv)
     if options.seed < 0:
         raise InputError(f"--seed: {options.seed} is not a seed; 0 or more")

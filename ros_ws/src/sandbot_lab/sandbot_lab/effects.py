@@ -9,22 +9,25 @@ import math
 from dataclasses import dataclass
 
 from sandbot_common.errors import InputError
+from sandbot_common.parameters import Spec, check
+from sandbot_common.suggest import did_you_mean
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One number of an effect: default, inclusive bounds, unit and meaning."""
+    """One number of an effect, with inclusive bounds, and its default."""
 
-    name: str
+    spec: Spec
     default: float
-    low: float
-    high: float
-    unit: str
-    doc: str
     catalogue: str = ""
     """The name in the catalogue of effects, accepted in its place; empty if that is the same."""
     of_catalogue: float = 1.0
     """Its value for a value of 1 in the catalogue's unit."""
+
+    @property
+    def name(self) -> str:
+        """Its name in a world file."""
+        return self.spec.name
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,19 @@ class Effect:
         return {parameter.name: parameter.default for parameter in self.parameters}
 
 
-P = EffectParameter
+def P(
+    name: str,
+    default: float,
+    low: float,
+    high: float,
+    unit: str,
+    doc: str,
+    catalogue: str = "",
+    of_catalogue: float = 1.0,
+) -> EffectParameter:
+    """A parameter that is a float."""
+    return EffectParameter(Spec(name, float, unit, doc, low, high, choices=()), default, catalogue, of_catalogue)
+
 
 EFFECTS: dict[str, Effect] = {
     # strength of the ground
@@ -198,33 +213,21 @@ DRAWN = (
 def checked_effect(name: object, given: object, where: str) -> dict[str, float]:
     """All parameters of one effect, defaults filled in; InputError on an unknown name or a value out of bounds."""
     if not isinstance(name, str) or name not in EFFECTS:
-        raise InputError(f"{where}: unknown effect {name!r}; known: {', '.join(EFFECTS)}")
+        raise InputError(f"{where}: unknown effect {name!r}{did_you_mean(str(name), EFFECTS)}")
     if given is None:
         given = {}
     if not isinstance(given, dict):
         raise InputError(f"{where}: {name}: expected a mapping of parameters, got {given!r}")
-    values = EFFECTS[name].defaults()
     known = {parameter.name: parameter for parameter in EFFECTS[name].parameters}
+    values = EFFECTS[name].defaults()
     of_catalogue = {parameter.catalogue: parameter for parameter in known.values() if parameter.catalogue}
     for key, value in given.items():
         if key not in known and key not in of_catalogue:
-            raise InputError(f"{where}: {name}: unknown parameter {key!r}; known: {', '.join(known) or 'none'}")
+            raise InputError(f"{where}: {name}: unknown parameter {key!r}{did_you_mean(str(key), known)}")
         parameter = known.get(key) or of_catalogue[key]
         if key != parameter.name and parameter.name in given:
             raise InputError(f"{where}: {name}: {key} and {parameter.name} are the same; give one")
-        factor = 1.0 if key == parameter.name else parameter.of_catalogue
-        values[parameter.name] = _within(parameter, value, f"{where}: {name}", factor)
+        if key == parameter.catalogue and isinstance(value, float | int):
+            value *= parameter.of_catalogue
+        values[parameter.name] = check(parameter.spec, value, f"{where}: {name}")
     return values
-
-
-def _within(parameter: EffectParameter, value: object, where: str, factor: float) -> float:
-    """The value times a factor, if it is a number and the product within bounds."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {parameter.name}: {value!r} is not a number")
-    value *= factor
-    if not parameter.low <= value <= parameter.high:
-        raise InputError(
-            f"{where}: {parameter.name}: {value} is outside [{parameter.low:g}, {parameter.high:g}] {parameter.unit}"
-            f" ({parameter.doc})"
-        )
-    return float(value)

@@ -23,7 +23,7 @@ FEET = 64
 _EFFECT_FIELDS = [
     field
     for name, effect in EFFECTS.items()
-    for field in [(name, "?"), *((f"{name}_{parameter.name}", "f8") for parameter in effect.parameters)]
+    for field in [(name, "?"), *((f"{name}_{parameter}", "f8") for parameter in effect.defaults())]
 ]
 
 _ROBOT = {

@@ -160,8 +160,11 @@ def test_a_stiffness_is_pressed_at_the_depth_of_the_robot_that_walked(drawn, rob
     ("text", "message"),
     [
         ("", "columns"),
-        ("phi,depth_m,force_n\n", "columns"),
-        ("phi,force_n\n0.6,3\n", "columns"),
+        ("phi,depth_m,force_n\n", "no readings: nothing below the header"),
+        ("phi,force_n\n0.6,3\n", "columns phi, depth_m, force_n or phi, k_n_per_m are needed; there are: phi, force_n"),
+        ("phi,depth_cm,force_n\n0.6,3,5\n", "'depth_cm' is not known, did you mean 'depth_m'. Divide cm by 100"),
+        ("phi,depth_m,forc_n\n0.6,.03,5\n", "'forc_n' is not known, did you mean 'force_n'.$"),
+        ("phi,k_n_m\n0.6,200\n", "'k_n_m' is not known, did you mean 'k_n_per_m'"),
         ("phi,depth_m,force_n\n0.6,0.03,x\n", "row 2, force_n"),
         ("phi,depth_m,force_n\n0.6,0.03,nan\n", "row 2, force_n"),
         ("phi,depth_m,force_n\n6,0.03,5\n", "row 2, phi"),

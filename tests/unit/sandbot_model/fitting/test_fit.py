@@ -148,6 +148,14 @@ def test_it_prints_as_a_person_would_write_it(slipping):
     assert f"{100 * slipping.rmse_m_s:.2f} cm/s in sample" in said
 
 
+def test_a_long_name_does_not_run_into_its_value(slipping, monkeypatch):
+    name = "disturbed_ground.k_l_n_per_m"
+    monkeypatch.setattr(type(slipping), "estimates", lambda _: [(name, "185.0 ± 1.6 N/m")])
+    _, first, second, _ = repr(slipping).splitlines()
+    assert first == f"  {name}  185.0 ± 1.6 N/m"
+    assert second.index("cm/s") > second.index(f"{100 * slipping.rmse_m_s:.2f}") == first.index("185")
+
+
 def test_a_model_with_lack_of_fit_is_given_without_standard_errors(slipping):
     rejected = replace(slipping, goodness=replace(slipping.goodness, lack_of_fit_p=0.9 * LACK_OF_FIT))
     value, stderr = slipping.parameters["delta_t_s"]

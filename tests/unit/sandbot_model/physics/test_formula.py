@@ -207,7 +207,7 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost", "expected 'name: stage: formula"),
         ("Boost: strength: k", "lower-case"),
         ("boost: muscle: k", "no stage 'muscle'; known: clock"),
-        ("boost: strength: k*a; a in 5..1", "low must be below high"),
+        ("boost: strength: k*a; a in 5..1", "a in 5..1: low must be below high$"),
         (
             "boost: strength: k*where(a > 1, 1, 2); a in 0..1e400",
             "a in 0..inf: low must be below high, by 1e-100 to 1e100",

@@ -241,6 +241,15 @@ def test_what_cannot_be_told_is_not_printed(content, tool, printed, tmp_path):
     assert ("replicates scatter by" in out) == (content == ONE_CELL)
 
 
+def test_what_a_test_lacks_is_named(printed, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(ONE_CELL)
+    assert "can't be tested: 1 cell mean can't determine 3 parameters\n" in printed(compare, path)
+    rows = [Row(**row) for row in direct_trials(null_world(), [0.6, 0.633], [4.0, 8.0, 12.0, 16.0], replicates=1)]
+    told = answer.of_comparison([fit(model_of("simple", (), {}), cells_of(from_rows(rows)))])
+    assert told.startswith("simple model can't be tested: replicates, or error bars, are needed\n")
+
+
 @pytest.mark.parametrize("bars", [True, False], ids=["error bars", "replicates"])
 def test_what_gives_the_noise_is_named(bars):
     count = 1 if bars else 3

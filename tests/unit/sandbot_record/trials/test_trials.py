@@ -85,6 +85,15 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
             "trial_id,phi,omega_rad_s,speed_m_s\nMean,.6,8,.2\n",
             "row 2, column trial_id: 'Mean' is a summary, not a trial",
         ),
+        ("SandBot, sand, 2026\nphy,omga,spd\n.6,8,.2\n", "row 1: column phi is missing"),
+        ("phi,omega [1/s],speed_m_s\n.6,8,.2\n", r"'omega \[1/s\]' may be in rad/s or in Hz: write which"),
+        ("phi,omega [s^-1],speed_m_s\n.6,8,.2\n", r"'omega \[s\^-1\]' may be in rad/s or in Hz: write which"),
+        (
+            "phi_target,phi_measured,omega_rad_s,speed_m_s\n.6,.61,8,.2\n",
+            "column phi is missing; of 'phi_target' and 'phi_measured' call the one that was measured phi",
+        ),
+        (GOOD + "0.6,8,20%\n", "row 4, column speed_m_s: '20%' is not a number"),
+        (GOOD + "60.0.1%,8,0.2\n", "row 4, column phi: '60.0.1' is not a number"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
         (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
         (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan; a value is needed here"),
@@ -113,7 +122,7 @@ def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
     assert "t.csv" in str(error.value)
 
 
-@pytest.mark.parametrize("word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none"])
+@pytest.mark.parametrize("word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none", "#N/V", "#DIV/0!"])
 def test_what_people_write_for_not_measured_is_not_measured(tmp_path, word):
     given = "phi,omega_rad_s,speed_m_s,lift_m\n.6,8,.2,.01\n.6,8,.2,{}\n"
     assert np.isnan(read(write(tmp_path, given.format(word))).lift_m).tolist() == [False, True]
@@ -172,11 +181,28 @@ def test_what_is_no_table(tmp_path):
         read([])
 
 
-def test_of_text_in_an_older_encoding_the_line_is_named(tmp_path):
+def test_text_in_the_encoding_of_windows_is_read_and_that_is_said(tmp_path):
     path = tmp_path / "old.csv"
-    path.write_text("phi,omega_rad_s,speed_m_s,note\n.6,8,.2,trocken\n.62,8,.2,gerüttelt\n", encoding="cp1252")
+    path.write_text("phi,omega_rad_s,speed_m_s,lift [µm]\n.6,8,.2,5400\n", encoding="cp1252")
+    table = read(path)
+    assert table.lift_m.tolist() == pytest.approx([5.4e-3])
+    assert table.unread == (f"{path}: not UTF-8, read as Windows-1252: check letters beyond ASCII in names",)
+    path.write_text(path.read_text(encoding="cp1252"), encoding="utf-8")
+    assert read(path).unread == ()
+
+
+@pytest.mark.parametrize("strange", [b"\x81", b"\xfc\x07"], ids=["no letter of Windows-1252", "control characters"])
+def test_of_text_in_no_such_encoding_the_line_is_named(tmp_path, strange):
+    path = tmp_path / "old.csv"
+    path.write_bytes(b"phi,omega_rad_s,speed_m_s,note\n.6,8,.2,dry\n.62,8,.2," + strange + b"\n")
     with pytest.raises(InputError, match=r"old.csv: not a text file \(UTF-8\); line 3 is not: save it as UTF-8"):
         read(path)
+
+
+@pytest.mark.parametrize("name", ["Δz", "∆z", "lift"])
+def test_lift_is_read_by_the_symbol_of_the_pages_too(tmp_path, name):
+    table = read(write(tmp_path, f"phi,omega_rad_s,speed_m_s,{name} (mm)\n.6,8,.2,5.4\n"))
+    assert table.lift_m.tolist() == pytest.approx([5.4e-3])
 
 
 def test_several_inputs_are_joined(tmp_path):
@@ -356,6 +382,12 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         "# made on Monday, by hand\n# phi omega_rad_s speed_m_s\n0.60 8 0.21\n6.2e-1 8 0.25\n",
         '"phi" "omega_rad_s" "speed_m_s"\n"1" 0.6 8 0.21\n"2" 0.62 8 0.25\n',
         "phi,omega_rad_s,speed_m_s\n1,0.6,8,0.21\n2,0.62,8,0.25\n",
+        # Titles with separators, groups of columns above their names, cells formatted as percent.
+        "SandBot poppy seeds, March 2026,,,\n,,,\nphi,omega_rad_s,speed_m_s,note\n.6,8,.21,a\n.62,8,.25,b\n",
+        "SandBot, 2026\nphi,omega_rad_s,speed_m_s\n.6,8,.21\n.62,8,.25\n",
+        "Ground,Robot,Result,\nphi,omega,speed,lift\n1,rad/s,m/s,mm\n.60,8,.21,3\n.62,8,.25,4\n",
+        "phi,omega [deg/s],speed_m_s\n60.0%,458.3662361,.21\n62 %,458.3662361,.25\n",
+        "phi [%],omega_deg_s,speed_m_s\n60%,458.3662361,.21\n62%,458.3662361,.25\n",
         "   phi   omega_rad_s  speed_m_s \n  0,60            8       0,21\n  0,62           8\t    0,25  \n",
     ],
 )

@@ -1,9 +1,10 @@
-"""``campaign PLAN --out FOLDER [--batch]``: run the trials of a plan, each into one bag."""
+"""campaign: run the trials of a plan, each into one bag."""
 
 import argparse
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
         help="hide an effect drawn with SEED, in addition to those of --world (--batch)",
     )
     parser.add_argument(
-        "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
+        "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag (default: of one trial, JPEG)"
     )
     add_crew(parser, "run the trials of --batch")
     parser.add_argument(
@@ -133,13 +134,16 @@ def _parser() -> argparse.ArgumentParser:
         help="prior sd of the variation of k from batch to batch (--until; default: 0.007)",
     )
     parser.add_argument(
-        "--bed-drift", type=float, metavar="SHARE", help="prior sd of the drift of k by the end (--until; 0.03)"
+        "--bed-drift",
+        type=float,
+        metavar="SHARE",
+        help="prior sd of the drift of k by the end (--until; default: 0.03)",
     )
     parser.add_argument(
         "--silence",
         type=float,
         metavar="S",
-        help="a node that is silent for longer ends the live trial under way; default: 1",
+        help="a node that is silent for longer ends the live trial under way (default: 1)",
     )
     parser.add_argument("--config-folder", action="store_true", help="print the folder of the example plans, and exit")
     parser.add_argument(
@@ -168,7 +172,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
     if plan.until:
         from sandbot_bringup.until import with_start
 
-        plan = with_start(plan)
+        with _options_named(options) as where:
+            plan = with_start(plan, where)
     if not options.batch:
         no_crew(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
@@ -189,8 +194,28 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     given = {key: value for key, value in given.items() if value is not None}
     if not given:
         return plan
+    if not plan.until and options.until is None:
+        raise InputError(f"{_flag(next(iter(given)))} needs --until {VERDICT}")
     grown = parse_yaml(to_yaml(dataclasses.replace(plan, **given)), plan.name)
-    return plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
+    with _options_named(options) as where:
+        return plan_of(grown, where)
+
+
+@contextmanager
+def _options_named(options: argparse.Namespace) -> Iterator[str]:
+    """What opens an InputError here: the plan's file, in place of which the option is named that set the key."""
+    where = str(options.plan)
+    try:
+        yield where
+    except InputError as error:
+        key, _, said = str(error).removeprefix(f"{where}: ").partition(": ")
+        if key not in VERDICT_KEYS or getattr(options, key) is None:
+            raise
+        raise InputError(f"{_flag(key)}: {said}") from None
+
+
+def _flag(key: str) -> str:
+    return f"--{key.replace('_', '-')}"
 
 
 def _not_ok(folder: CampaignFolder) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""``unseal FOLDER``: open the virtual lab's sealed truth and compare the discovery with it."""
+"""unseal: open the virtual lab's sealed truth and compare the discovery with it."""
 
 from collections.abc import Sequence
 from pathlib import Path

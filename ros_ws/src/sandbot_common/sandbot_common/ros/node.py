@@ -32,7 +32,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import Spec, from_mapping, specs
+from sandbot_common.parameters import Spec, check, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
 from sandbot_common.ros.timer import Timer, end_timers
 from sandbot_common.suggest import did_you_mean
@@ -159,6 +159,7 @@ class Parameters(Generic[T]):
         self._where = f"{node.get_name()} parameters"
         self._on_change = on_change
         default = cls()
+        _convert_given(node, cls, self._where)
         try:
             given = {
                 spec.name: node.declare_parameter(spec.name, _ros(getattr(default, spec.name)), _descriptor(spec)).value
@@ -168,7 +169,17 @@ class Parameters(Generic[T]):
             raise InputError(f"{self._where}: {error}") from None
         _refuse_unknown(node, self._where)
         self.current: T = from_mapping(cls, given, self._where)
+        node.add_pre_set_parameters_callback(self._to_floats)
         node.add_on_set_parameters_callback(self._set)
+
+    def _to_floats(self, asked: list[Parameter]) -> list[Parameter]:
+        """ROS itself refuses 12 where 12.0 is meant."""
+        floats = {spec.name for spec in specs(self._cls) if spec.type is float}
+        whole = Parameter.Type.INTEGER
+        return [
+            Parameter(each.name, value=float(each.value)) if each.name in floats and each.type_ == whole else each
+            for each in asked
+        ]
 
     def _set(self, changed: list[Parameter]) -> SetParametersResult:
         ours = {parameter.name: parameter.value for parameter in changed if parameter.name in self._names}
@@ -424,6 +435,17 @@ def stop_signals() -> Iterator[Stop]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _convert_given(node: Node, cls: type, where: str) -> None:
+    """Check the numbers given at start, and convert them as in YAML (12 to 12.0), before ROS refuses them in its words.
+
+    Raises InputError.
+    """
+    for spec in specs(cls):
+        override = node._parameter_overrides.get(spec.name)
+        if override is not None and spec.type in (float, int):
+            node._parameter_overrides[spec.name] = Parameter(spec.name, value=check(spec, override.value, where))
 
 
 def _refuse_unknown(node: Node, where: str) -> None:

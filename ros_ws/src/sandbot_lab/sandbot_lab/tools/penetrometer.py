@@ -1,9 +1,8 @@
-"""``penetrometer --world world.yaml --phi 0.58 0.6 --out FILE.csv``: press a leg into the ground and read the force.
+"""penetrometer: press a leg into the virtual lab's ground and read the force.
 
 With the belly at rest on a bed prepared to φ, one leg is turned slowly down until its lowest point is at each depth.
 """
 
-import argparse
 import csv
 import io
 from collections.abc import Sequence
@@ -20,12 +19,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(argv: Sequence[str]) -> None:
-    parser = cli.Parser(prog="penetrometer", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = cli.Parser(prog="penetrometer", description=__doc__)
     parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (default: the null world)")
     parser.add_argument("--phi", type=float, nargs="+", required=True, help="volume fractions to prepare")
-    parser.add_argument("--depth-m", type=float, nargs="+", help="depths to read at")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=cli.output, required=True, metavar="FILE.csv")
+    parser.add_argument(
+        "--depth-m", type=float, nargs="+", metavar="M", help="depths to read at (default: 0.015 0.025 0.035 0.044)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="random seed of the readings (default: 0)")
+    parser.add_argument("--out", type=cli.output, required=True, metavar="FILE.csv", help="the readings")
     args = parser.parse_args(argv)
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is not a seed; 0 or more")

@@ -31,6 +31,7 @@ SCALE_SD = 0.02
 """Relative standard deviation of the readings' common scale error: of the gauge, the leg and the zero of the depth."""
 NEAR = 4e-3
 """A reading belongs to the nearest φ level of the trials if it is no farther away than this."""
+_PARTS = (("cm", 100), ("mm", 1000))
 LIMITS = {"phi": (0.4, 0.8), "depth_m": (1e-3, 0.2), "force_n": (0.0, 1e3), "k_n_per_m": (0.0, 1e5)}
 """Open intervals in which the readings of a leg in grains must lie."""
 
@@ -92,8 +93,12 @@ def read_readings(path: Path) -> Readings:
     columns, numbered = read_csv(path)
     rows = list(numbered)
     kind = next((pair for pair in (("depth_m", "force_n"), ("k_n_per_m",)) if {"phi", *pair} <= set(columns)), None)
-    if kind is None or not rows:
-        raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and one row per reading are needed")
+    if kind is None:
+        _unread(path, columns, tuple(LIMITS))
+        there = f"; there are: {', '.join(filter(None, columns))}" if any(columns) else ""
+        raise InputError(f"{path}: row 1: columns phi, depth_m, force_n or phi, k_n_per_m are needed{there}")
+    if not rows:
+        raise InputError(f"{path}: no readings: nothing below the header")
     values = {name: _column(path, rows, name) for name in ("phi", *kind)}
     sd_name = kind[-1].replace("force_n", "force_sd_n").replace("k_n", "k_sd_n")
     unread = _unread(path, columns, ("phi", *kind, sd_name))
@@ -111,7 +116,8 @@ def _unread(path: Path, columns: list[str], known: tuple[str, ...]) -> tuple[str
     for column in unread:
         missing = [name for name in known if name not in columns]
         if meant := next((name for name in missing if name.startswith(column)), near(column, missing)):
-            raise InputError(f"{path}: row 1: column {column!r} is not known, did you mean {meant!r}?")
+            divide = next((f" Divide {unit} by {by}" for unit, by in _PARTS if column.endswith(f"_{unit}")), "")
+            raise InputError(f"{path}: row 1: column {column!r} is not known, did you mean {meant!r}?{divide}")
     return unread
 
 

@@ -20,7 +20,7 @@ from sandbot_model.explore.scene import Scene
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.film import Film
 
-REMEDY = ".rrd needs the wheel rerun-sdk, which is not installed: `make rerun`, or pip install 'sandbot_model[rerun]'"
+REMEDY = ".rrd needs the wheel rerun-sdk, which is not installed: `make rerun`, or pip install rerun-sdk"
 LINES = {
     "speed/measured": ("v_x measured [m/s]", (194, 90, 0)),
     "speed/measured_minus_sd": ("v_x − σ", (236, 190, 150)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_common.suggest import near
+from sandbot_common.suggest import did_you_mean
 from sandbot_model.data.conditions import Floats, cell_of
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
@@ -88,9 +88,8 @@ def scene_of(trials: Trials, bags: Mapping[str, Path], fit: Fit, trial_id: str) 
     cells = cell_of(trials, fit.cells)
     rows = np.flatnonzero(trials.trial_id == trial_id)
     if not len(rows) or cells[rows[0]] < 0:
-        close = near(trial_id, trials.trial_id[cells >= 0].tolist())
-        hint = f", did you mean {close!r}?" if close else ""
-        raise InputError(f"trial {trial_id!r}: no trial of that name is used here{hint}")
+        used = did_you_mean(trial_id, trials.trial_id[cells >= 0].tolist())
+        raise InputError(f"trial {trial_id!r}: no trial of that name is used here{used}")
     found, missing = waveforms.read(bags, [trial_id])
     if not found:
         raise InputError(missing[0])

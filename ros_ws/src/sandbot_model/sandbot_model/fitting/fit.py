@@ -150,12 +150,13 @@ class Fit(Fitted):
         return data_frame(rows, "to_dict()")
 
     def __repr__(self) -> str:
-        cells = self.cells
+        cells, estimates = self.cells, self.estimates()
+        width = max(28, *(len(name) + 2 for name, _ in estimates))
         lines = [
             textwrap.fill(f"{self.name}: fitted to {cells.trials} trials in {len(cells)} conditions", WIDTH),
-            *(f"  {name:<28}{estimate}" for name, estimate in self.estimates()),
-            f"  {'error of mean speed':<28}{cm_s(self.rmse_m_s)} in sample, {self.out_of_sample}",
-            f"  {'lack of fit p':<28}{probability(self.lack_of_fit_p)}",
+            *(f"  {name:<{width}}{estimate}" for name, estimate in estimates),
+            f"  {'error of mean speed':<{width}}{cm_s(self.rmse_m_s)} in sample, {self.out_of_sample}",
+            f"  {'lack of fit p':<{width}}{probability(self.lack_of_fit_p)}",
         ]
         return "\n".join(lines)
 

@@ -208,7 +208,8 @@ def _parameter(text: str, whole: str) -> Parameter:
         raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
     if not is_range(low, high):
-        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, by 1e-100 to 1e100")
+        by = ", by 1e-100 to 1e100" if low < high else ""
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high{by}")
     if name in TAKEN:
         raise InputError(f"--effect {whole!r}: {name!r} has another meaning in formulas, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), GIVEN)

@@ -62,7 +62,7 @@ def matplotlib(asker: str) -> tuple[Any, type["Figure"]]:
         from matplotlib import rc_context
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError(f"{asker}: Matplotlib is not installed; pip install 'sandbot_model[plot]'") from None
+        raise InputError(f"{asker}: Matplotlib is not installed; pip install matplotlib") from None
 
     class Picture(Figure):
         def _repr_png_(self) -> bytes:

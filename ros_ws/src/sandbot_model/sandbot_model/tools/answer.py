@@ -50,7 +50,7 @@ def of_comparison(steps: Sequence[Fit]) -> str:
     """Whether the last model fits, and the error before → after → floor."""
     last = steps[-1]
     if not math.isfinite(last.lack_of_fit_p):
-        why = "can't be tested: replicates, or more conditions, are needed"
+        why = f"can't be tested: {last.undetermined or 'replicates, or error bars, are needed'}"
         return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
     fits = leaves_nothing(last)
     judgement = _explains(last) if fits else _fails(last)

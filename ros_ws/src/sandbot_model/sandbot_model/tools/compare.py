@@ -51,7 +51,7 @@ def _compare(argv: Sequence[str]) -> None:
     args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
     arguments.check_report(args)
     if args.bootstrap is not None and args.bootstrap < 2:
-        raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed, one has no spread")
+        raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed")
     if args.bootstrap is None:
         no_crew(args, "only the draws of --bootstrap N are shared out; give that too")
     fitters = arguments.fitters(args)

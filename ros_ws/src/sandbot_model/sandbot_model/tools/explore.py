@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
+from sandbot_common.crew import count
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
@@ -62,13 +63,17 @@ def _explore(argv: Sequence[str]) -> None:
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
     arguments.add_catalogue(parser)
     parser.add_argument("--selection", type=Path, metavar="FILE.yaml", help="open in the state saved with 'Save YAML'")
-    parser.add_argument("--workers", type=int, default=min(4, os.cpu_count() or 1), help="processes that fit ahead")
+    parser.add_argument(
+        "--workers",
+        type=count,
+        default=min(4, os.cpu_count() or 1),
+        metavar="N",
+        help="processes that fit ahead (default: one per CPU, 4 at most)",
+    )
     parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
     args = parser.parse_args(argv)
     if not 0 <= args.port <= 65535:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
-    if args.workers < 1:
-        raise InputError(f"--workers {args.workers}: at least one is needed")
     arguments.criteria(args)
     query = to_query(_initial_selection(args))
     title = args.title or args.data[0].resolve().stem

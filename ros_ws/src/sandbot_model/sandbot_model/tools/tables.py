@@ -62,7 +62,7 @@ def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
 def parameters(fit: Fit) -> str:
     """Shared parameters and k(φ) with standard errors (SI units, as their names say)."""
     if fit.undetermined:
-        return f"{fit.undetermined}: none is given"
+        return f"{fit.undetermined}, so no values are given"
     rows = [["parameter", "value", ""]]
     for name, estimate in fit.estimates():
         rows.append([name, estimate, _remark(fit, name, estimate)])

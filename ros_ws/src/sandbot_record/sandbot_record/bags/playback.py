@@ -160,7 +160,7 @@ class Player:
         until_s: float | None = None,
     ) -> None:
         if not 0 < rate < 1e6:
-            raise InputError(f"rate {rate} is not above 0")
+            raise InputError(f"rate {rate:g}: above 0 is needed")
         self.timeline, self.loop = timeline, loop
         self.span = self._span(start_s, until_s)
         if self.span.first == self.span.end and not self.latched_before_start():
@@ -178,7 +178,9 @@ class Player:
         length_s = (self.timeline.end_ns - begun_ns) / SECOND_NS
         until_s = length_s if until_s is None else until_s
         if not 0 <= start_s <= length_s or not start_s <= until_s:
-            raise InputError(f"start {start_s:g} s, until {until_s:g} s: not within the bag's {length_s:.3f} s")
+            raise InputError(
+                f"start {start_s:g} s, until {until_s:g} s: the bag has 0 to {length_s:.3f} s, in this order"
+            )
         if self.loop and not min(until_s, length_s) > start_s:
             raise InputError("nothing to loop: this part of the bag has no duration")
         start, end = (begun_ns + round(seconds * SECOND_NS) for seconds in (start_s, until_s))
@@ -205,7 +207,7 @@ class Player:
     def set_rate(self, rate: float, now_ns: int) -> None:
         """Change the rate from now on."""
         if not 0 < rate < 1e6:
-            raise InputError(f"rate {rate} is not above 0")
+            raise InputError(f"rate {rate:g}: above 0 is needed")
         self._hold(now_ns)
         self._rate = rate
 

@@ -118,6 +118,8 @@ def _parser() -> cli.Parser:
 def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"--attach: {path}: no such file") from None
     except OSError as error:
         raise InputError(f"--attach: {path}: {error.strerror}") from None
 

@@ -42,8 +42,8 @@ NAMELESS = re.compile(r"row\d+")
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_MEASURED = frozenset(
-    {"", "-", "--", "–", "—", ".", "?", "n/a", "na", "<na>", "nan", "null", "none", "nd", "n.d.", "k.a."}
-    | {"#n/a", "#na", "#nv", "#div/0!", "#value!", "#wert!"}
+    {"", "-", "--", "–", "—", ".", "?", "n/a", "na", "<na>", "nan", "null", "none", "missing", "nd", "n.d.", "k.a."}
+    | {"#n/a", "#na", "#nv", "#n/v", "#div/0!", "#value!", "#wert!"}
 )
 """Common spellings of "not measured", in lower case."""
 _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem", "sum", "total", "min", "max"})
@@ -55,7 +55,7 @@ _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction", "packing_fraction", "solid_fraction"), "phi"),
     **dict.fromkeys(("omega", "ω", "frequency", "freq", "f", "leg_frequency", "limb_frequency"), "omega_rad_s"),
     **dict.fromkeys(("speed", "mean_speed", "average_speed", "forward_speed", "velocity", "v"), "speed_m_s"),
-    **dict.fromkeys(("lift", "body_lift"), "lift_m"),
+    **dict.fromkeys(("lift", "body_lift", "δz", "∆z"), "lift_m"),
     "peak_speed": "peak_speed_m_s",
     "first_step": "first_step_m",
     "speed_sd": "speed_sd_m_s",
@@ -66,20 +66,30 @@ _SPEEDS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "μm": 1e-6, "um": 1e-6}
 _FACTORS = {
     "phi": {"1": 1.0, "-": 1.0, "%": 0.01},
-    "omega_rad_s": {"rad/s": 1.0, "hz": 2 * math.pi, "rpm": math.pi / 30},
+    "omega_rad_s": {"rad/s": 1.0, "hz": 2 * math.pi, "rpm": math.pi / 30, "deg/s": math.pi / 180},
     **dict.fromkeys(("speed_m_s", "speed_sd_m_s", "speed_sem_m_s", "peak_speed_m_s"), _SPEEDS),
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
     "n_trials": {"1": 1.0, "-": 1.0},
 }
 """Conversion factors to the table's units, by the unit in brackets after a quantity."""
-_UNITS = {"m_s": "m/s", "cm_s": "cm/s", "mm_s": "mm/s", "rad_s": "rad/s", "percent": "%"}
+_UNITS = {
+    "m_s": "m/s",
+    "cm_s": "cm/s",
+    "mm_s": "mm/s",
+    "rad_s": "rad/s",
+    "deg_s": "deg/s",
+    "°/s": "deg/s",
+    "percent": "%",
+}
 """Units as written at the end of a column name."""
 
 
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
-    header, lines = _with_unit_row(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read))
-    return replace(from_rows(rows_of(header, lines, str(path))), unread=unread(header))
+    notes: list[str] = []
+    header, lines = _with_unit_row(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read, notes))
+    told = (*(f"{path}: {note}" for note in notes), *unread(header))
+    return replace(from_rows(rows_of(header, lines, str(path))), unread=told)
 
 
 def write_csv(trials: Trials, path: Path) -> None:
@@ -205,7 +215,9 @@ def _name(text: str) -> str:
 
 
 def _in_si(text: str, column: str) -> str:
-    factor = _unit_in_header(column)[1]
+    name, factor = _unit_in_header(column)
+    if name in ("phi", "phi_sd") and text.endswith("%"):  # a spreadsheet's format of a cell
+        text, factor = text.removesuffix("%").rstrip(), 0.01
     with contextlib.suppress(ValueError):
         return text if factor == 1.0 or not text else repr(float(text) * factor)
     return text
@@ -253,8 +265,13 @@ def _hint(name: str, header: Sequence[str]) -> str:
             return f"; {other} needs its unit, {other} [{'], ['.join(_FACTORS[name])}]"
     if any(map(files.NUMBER.fullmatch, header)):
         return "; there are numbers in that row: names of the columns are needed on top, and below one row per trial"
+    kinds = [other for other in header if _name(other).startswith(f"{name}_") and other not in COLUMNS]
+    if name == "phi" and len(kinds) > 1:
+        return f"; of {' and '.join(map(repr, kinds))} call the one that was measured phi"
     # A known quantity with a unit is not misspelt: its unit is unknown.
     if foreign := next((other for other in header if _with_unit(other)[0] == name), ""):
+        if _with_unit(foreign)[1] in ("1/s", "/s"):
+            return f"; {foreign!r} may be in rad/s or in Hz: write which"
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     if len(header) == 1 and " " in header[0]:
         return "; columns are separated by commas, tabs or semicolons, or by spaces where no name or value has any"
