@@ -174,6 +174,16 @@ def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str])
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+def test_a_campaign_whose_folder_was_deleted_does_not_make_it_anew(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path / "run")
+    with folder.adopted(PLAN, {}):
+        assert folder.partial_bag("one").parent.is_dir()  # it is there
+        shutil.rmtree(folder.path)
+        with pytest.raises(InputError, match="run: can't be written: No such file"):
+            folder.partial_bag("one")
+    assert not folder.path.exists()
+
+
 def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeypatch, capsys):
     folder = CampaignFolder(tmp_path / "run")
     folder.adopt(PLAN, files_of(PLAN, tmp_path, folder.path))

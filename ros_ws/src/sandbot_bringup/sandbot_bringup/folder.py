@@ -59,7 +59,9 @@ class CampaignFolder:
         """Where the bag of an unfinished or failed trial goes; an earlier one there is renamed and kept."""
         path = self.trials / PARTIAL / trial_id
         with writing(self.path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            # Not the campaign's folder, too: one that was deleted would come back with half a campaign.
+            for folder in (self.trials, path.parent):
+                folder.mkdir(exist_ok=True)
             if path.exists():
                 number = 1
                 while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():

@@ -178,8 +178,8 @@ class _Campaign:
             self._desk.note("stopped", trial_id=name, reason=str(error))
         except TrialFailed as error:
             self.queue.fail(name, str(error))
+            bar.write(f"{name}: failed: {error}")  # before the journal, whose disk may be the reason
             self._desk.note("failed", trial_id=name, reason=str(error))
-            bar.write(f"{name}: failed: {error}")
             if self.queue.waiting and (why := self._streak.failed(str(error))):
                 self._hold_or_end(why)
         else:
