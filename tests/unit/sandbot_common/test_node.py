@@ -92,3 +92,23 @@ def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():
     assert told.startswith("-c: error: ROS does not start: ")
     assert "/dev/null/log" in told
     assert told.endswith("; ROS_LOG_DIR can name a folder that you may write to")
+
+
+@pytest.mark.parametrize(
+    ("values", "older"),
+    [
+        ({"process": "here 2 99"}, True),
+        ({"process": "here 2 101"}, False),
+        ({"process": "here 2 odd"}, False),
+        ({"process": "here 2 ²"}, False),
+        ({"since_ns": "4"}, True),
+        ({"since_ns": "6"}, False),
+        ({"since_ns": "²"}, False),
+        ({"since_ns": "1" * 5000}, False),
+        ({}, False),
+    ],
+)
+def test_who_is_older_whatever_another_program_says(values, older):
+    health = node.Health.__new__(node.Health)
+    health._process, health._since_ns = "here 1 100", 5
+    assert health._is_older(values) is older

@@ -330,6 +330,13 @@ def test_a_fault_of_the_writers_own_is_told_in_the_bag(tmp_path):
     assert Bag.open(tmp_path / "b").provenance["recording"]["exit_status"].startswith("ZeroDivisionError: ")
 
 
+def test_half_a_character_of_a_trial_does_not_prevent_closing(tmp_path):
+    made = recording(tmp_path / "b")
+    made.close({"trial": {"id": "t\ud800", "plan": "φ"}})
+    trial = Bag.open(tmp_path / "b").provenance["trial"]
+    assert (trial["id"], trial["plan"]) == ("t\\ud800", "φ")
+
+
 def test_images_become_jpeg(tmp_path):
     pixels = np.tile(np.arange(64, dtype=np.uint8) * 4, (48, 1))
     writer = BagWriter(tmp_path / "b", whole=False)

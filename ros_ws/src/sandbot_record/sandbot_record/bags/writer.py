@@ -197,7 +197,9 @@ class BagWriter:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write an MCAP metadata record, such as ``trial`` with the provenance."""
-        self._file.add_metadata(name, {str(key): str(value) for key, value in values.items()})
+        # A lone surrogate, which the JSON of /trial may hold but UTF-8 may not, is written as its JSON escape.
+        texts = {key: str(value).encode("utf-8", "backslashreplace").decode() for key, value in values.items()}
+        self._file.add_metadata(name, texts)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
         """Write an attachment, such as campaign.yaml."""
