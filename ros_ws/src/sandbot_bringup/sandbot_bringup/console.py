@@ -115,7 +115,9 @@ class Packing:
         if busy and not self._busy:
             self.points.clear()
         self._busy = busy
-        figures = {key: number_or_nan(values.get(key)) for key in ("pulses", "refluidised", "phi", "phi_sd", "height_m")}
+        figures = {
+            key: number_or_nan(values.get(key)) for key in ("pulses", "refluidised", "phi", "phi_sd", "height_m")
+        }
         if not math.isfinite(figures["phi"] + figures["height_m"]):
             return
         if values.get("stage") == "pulse":

@@ -135,9 +135,7 @@ def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """
     for camera in ("dorsal", "lateral"):
         edges, edges_after, jumps, jumps_after = (
-            _figure(values, f"{camera}_{what}")
-            for what in ("led_edges", "clock_jumps")
-            for values in (before, after)
+            _figure(values, f"{camera}_{what}") for what in ("led_edges", "clock_jumps") for values in (before, after)
         )
         if jumps_after > jumps:
             return f"the {camera} camera's clock disagrees with the LED (clock_jumps)"
