@@ -19,8 +19,8 @@ _WAIT_S = 0.1
 
 
 class Port:
-    """``heard(line, received_ns)`` is called for every message, in the port's thread; ``log`` with a text at each change
-    of ``trouble``.
+    """``heard(line, received_ns)`` is called for every message, in the port's thread; ``log`` with a text at each
+    change of ``trouble``.
     """
 
     def __init__(
