@@ -495,7 +495,7 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
         ((), "nothing to record"),
         (("leg states",), "not a topic name"),
         (("--regex", "("), "not a regular expression"),
-        (("/x", "--duration", "-1"), "not a number from 0 up"),
+        (("/x", "--duration", "-1"), "--duration -1: more than 0"),
         (("/x", "--min-free", "1e11"), "MiB free"),
         (("/x", "--frob"), "no option --frob"),
     ],

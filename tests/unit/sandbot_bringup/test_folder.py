@@ -174,6 +174,16 @@ def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str])
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+def test_a_campaign_whose_folder_was_deleted_does_not_make_it_anew(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path / "run")
+    with folder.adopted(PLAN, {}):
+        assert folder.partial_bag("one").parent.is_dir()  # it is there
+        shutil.rmtree(folder.path)
+        with pytest.raises(InputError, match="run: can't be written: No such file"):
+            folder.partial_bag("one")
+    assert not folder.path.exists()
+
+
 def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeypatch, capsys):
     folder = CampaignFolder(tmp_path / "run")
     folder.adopt(PLAN, files_of(PLAN, tmp_path, folder.path))
@@ -273,3 +283,17 @@ def test_a_disk_that_takes_no_bag_is_one_line(tmp_path):
         folder.partial_bag("one")
     with pytest.raises(InputError, match=f"{tmp_path}: can't be written: "):
         folder.set_aside({"one": "failed"})
+
+
+@pytest.mark.parametrize(("words", "budget"), [(["--budget", "9"], 9), ([], 0)])
+def test_a_budget_of_the_command_line_is_taken(words, budget):
+    """In a plan's file 0 stays what it is documented to be: the whole grid."""
+    plan = dataclasses.replace(PLAN, until="verdict", budget=0)
+    assert campaign._until(plan, campaign._parser().parse_args(words)).budget == budget
+
+
+@pytest.mark.parametrize("given", ["0", "-1"])
+def test_a_budget_of_nothing_is_not_the_whole_grid(given):
+    plan = dataclasses.replace(PLAN, until="verdict", budget=0)
+    with pytest.raises(InputError, match=f"--budget {given}: 1 or more trials are needed; leave it out"):
+        campaign._until(plan, campaign._parser().parse_args(["--budget", given]))

@@ -85,6 +85,15 @@ def test_who_rests_or_died_in_the_middle_of_a_walk_does_not_say_that_he_moves(he
     assert not hearing.reports_motion
 
 
+@pytest.mark.parametrize(("said", "height_m"), [("0.102", 0.102), ("abc", np.nan), ("", np.nan)])
+def test_a_status_that_is_no_number_ends_no_campaign(hearing, said, height_m):
+    hearing._on_bed(messages.diagnostics(0, "bed", {"stage": "ready", "height_m": said}))
+    np.testing.assert_equal(hearing.bed_height_m, height_m)
+    assert hearing.bed_stage == "ready"
+    hearing._on_diagnostics(messages.diagnostics(0, RECORDER, {"written": said}))
+    assert (hearing.recorded > 0) is (height_m > 0)
+
+
 def test_another_recorder_is_not_taken_for_our_own(hearing):
     def says(pid, text, level=0):
         told = {PROCESS: f"host {pid} 77"}

@@ -9,10 +9,11 @@ import pytest
 import rclpy
 
 from sandbot_bed.protocol import ProtocolParameters
+from sandbot_bringup import folder as folders
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.nodes import campaign_node, orders_node
-from sandbot_bringup.nodes.campaign_node import Operator
+from sandbot_bringup.nodes import orders_node
+from sandbot_bringup.nodes.campaign_node import Operator, keep_complete
 from sandbot_bringup.nodes.hearing_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
@@ -21,6 +22,7 @@ from sandbot_common.ros.node import Stop
 from sandbot_common.ros.timer import end_timers
 from sandbot_common.standstill import AWAKE_S, OLD
 from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.writer import add_metadata
 
 PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")
 LAUNCHED = {
@@ -165,6 +167,7 @@ def test_what_a_plan_says_of_the_bed_holds_for_its_own_campaign_alone():
 def run(tmp_path, damage):
     """A trial of which only the bag is real, damaged as told."""
     one, folder = operator(), CampaignFolder(tmp_path / "live")
+    folder.path.mkdir()
 
     def record(_trial, aside, _attachments):
         damage(bags.trial_bag(aside))
@@ -176,7 +179,7 @@ def run(tmp_path, damage):
 
 def test_a_bag_that_can_be_read_gives_its_row_and_its_place(tmp_path, monkeypatch):
     synced = []
-    monkeypatch.setattr(campaign_node, "sync", lambda path: synced.append([one.name for one in path.glob("[!.]*")]))
+    monkeypatch.setattr(folders, "sync", lambda path: synced.append([one.name for one in path.glob("[!.]*")]))
     row, folder = run(tmp_path, lambda bag: None)
     assert synced == [[TRIAL.trial_id]]  # no power cut takes its name from it
     assert row.status == "ok"
@@ -198,3 +201,29 @@ def test_a_bag_that_cannot_be_read_fails_its_trial_and_not_the_campaign(tmp_path
     (aside,) = (folder.trials / ".partial").iterdir()
     assert str(failed.value).endswith(f"kept in {aside}")
     assert not folder.bag(TRIAL).exists()
+
+
+@pytest.mark.parametrize(
+    ("ended", "recorded", "change", "damage", "kept"),
+    [
+        ("ok", "ok", {}, lambda _: None, True),
+        ("whoever ran the trial is gone", "ok", {}, lambda _: None, False),
+        ("ok", "incomplete, not recorded: /com", {}, lambda _: None, False),
+        ("ok", "ok", {"seed": TRIAL.seed + 1}, lambda _: None, False),
+        ("ok", "ok", {"trial_id": "another"}, lambda _: None, False),
+        ("ok", "ok", {"omega_rad_s": None}, lambda _: None, False),  # it would give no row
+        ("ok", "ok", {}, cut, False),
+    ],
+)
+def test_a_complete_trial_of_a_killed_campaign_is_kept(tmp_path, capsys, ended, recorded, change, damage, kept):
+    folder = CampaignFolder(tmp_path)
+    told = bags.PLAN | {"trial_id": TRIAL.trial_id, "seed": TRIAL.seed}
+    bag = bags.trial_bag(folder.partial_bag(TRIAL.trial_id), plan=told | change, exit_status=ended)
+    add_metadata(bag, "recording", {"exit_status": recorded})
+    damage(bag)
+    keep_complete(folder, [TRIAL])
+    assert (folder.missing([TRIAL]) == []) is kept
+    assert bag.exists() is not kept
+    assert capsys.readouterr().out == f"{TRIAL.trial_id}: was complete when the campaign was killed: kept\n" * kept
+    keep_complete(folder, [TRIAL])  # once more: nothing changes
+    assert (folder.missing([TRIAL]) == []) is kept

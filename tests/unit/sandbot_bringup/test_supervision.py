@@ -110,6 +110,15 @@ def test_cameras_must_run_and_at_the_rate_of_their_calibration():
     assert both == "the lateral camera takes 50 frames a second, cameras.yaml says 100"
 
 
+@pytest.mark.parametrize("odd", ["", "abc", "nan", "0", "1.5", "-3", "1" * 5000])
+def test_what_a_tracker_says_that_is_no_number_ends_no_campaign(odd):
+    before, after = pace(3) | eyes(2), pace(50) | eyes(3) | {"dorsal_led_edges": "4", "lost_frames": "0"}
+    clocks = {"dorsal_clock": "by the LED", "lateral_clock": "by the LED"}
+    for name in after:
+        assert isinstance(pace_fault(before, after | clocks | {name: odd}), str)
+        assert isinstance(camera_fault(before, after | {name: odd}), str)
+
+
 def test_cameras_whose_clocks_the_led_has_told_must_be_in_step():
     known = {"dorsal_clock": "by the LED", "lateral_clock": "by the LED"}
     before = pace(3) | pace(3, camera="lateral") | {"lost_frames": "2"}

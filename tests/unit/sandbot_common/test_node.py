@@ -148,3 +148,23 @@ def test_a_whole_number_is_a_float_where_one_is_meant_at_start_and_later(given):
 def test_a_wrong_parameter_is_said_in_the_words_of_every_other_file(given, slip, said):
     with pytest.raises(InputError, match=f"legs parameters: {said}"):
         given(**slip)
+
+
+@pytest.mark.parametrize(
+    ("values", "older"),
+    [
+        ({"process": "here 2 99"}, True),
+        ({"process": "here 2 101"}, False),
+        ({"process": "here 2 odd"}, False),
+        ({"process": "here 2 ²"}, False),
+        ({"since_ns": "4"}, True),
+        ({"since_ns": "6"}, False),
+        ({"since_ns": "²"}, False),
+        ({"since_ns": "1" * 5000}, False),
+        ({}, False),
+    ],
+)
+def test_who_is_older_whatever_another_program_says(values, older):
+    health = node.Health.__new__(node.Health)
+    health._process, health._since_ns = "here 1 100", 5
+    assert health._is_older(values) is older

@@ -30,7 +30,7 @@ def until(condition):
 def test_a_process_lives_is_frozen_lives_again_and_is_gone(other):
     process, name = other
     one = Neighbour.of(name)
-    assert one.pid == process.pid
+    assert one.pid == str(process.pid)
     assert one.fault == ""
     process.send_signal(signal.SIGSTOP)
     until(lambda: one.fault == "is frozen")
@@ -47,7 +47,7 @@ def test_a_number_used_again_is_another_process():
     host, pid, start = own_name().split()
     assert Neighbour.of(own_name()).fault == ""
     assert Neighbour.of(f"{host} {pid} {int(start) + 1}") is None
-    assert Neighbour(int(pid), f"{int(start) + 1}").fault == "is gone"
+    assert Neighbour(pid, f"{int(start) + 1}").fault == "is gone"
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,12 @@ def test_a_number_used_again_is_another_process():
 )
 def test_who_is_elsewhere_or_says_nothing_of_himself_is_no_neighbour(change):
     assert Neighbour.of(change(own_name())) is None
+
+
+@pytest.mark.parametrize("pid", ["", "x", "²", "1" * 5000])
+def test_what_is_no_number_is_no_process(pid):
+    host, _, start = own_name().split()
+    assert Neighbour.of(f"{host} {pid} {start}") is None
 
 
 def test_waiting_for_a_cpu_is_counted_and_sleeping_is_not(other):

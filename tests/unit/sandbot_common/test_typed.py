@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
-from sandbot_common.typed import check_types, is_a
+from sandbot_common.typed import check_types, is_a, number_or_nan
 
 
 def door(
@@ -63,3 +63,13 @@ def test_a_number_is_no_truth_value_and_no_text():
     assert [is_a(value, float) for value in (1, 0.5, np.float64(2), True, np.True_, "1", None)] == [True] * 3 + [
         False
     ] * 4
+
+
+@pytest.mark.parametrize("said", ["", "abc", "²", None, [], [10**5000], "nan"])
+def test_what_is_no_number_is_nan(said):
+    assert np.isnan(number_or_nan(said))
+
+
+@pytest.mark.parametrize(("said", "number"), [("1.5", 1.5), (" -2 ", -2.0), (3, 3.0), ("inf", np.inf)])
+def test_a_number_is_read_however_it_is_given(said, number):
+    assert number_or_nan(said) == number

@@ -109,6 +109,28 @@ def test_a_cable_that_is_pulled_while_its_line_is_set_up_is_tried_again(device, 
     one.close()
 
 
+def test_each_change_is_logged_once(device, tmp_path, monkeypatch):
+    monkeypatch.setattr(port, "RETRY_S", 0.01)
+    path, logged = tmp_path / "line", []
+    one = Port(str(path), 921600, lambda line, _: None, logged.append)
+    until(lambda: logged)
+    time.sleep(0.1)  # ten more attempts
+    assert logged == [f"{path}: No such file or directory; tried again every 0.01 s"]
+    path.symlink_to(device[1])
+    until(lambda: one.opened)
+    until(lambda: len(logged) > 1)
+    assert logged[1:] == [f"{path}: open"]
+    one.close()
+
+
+def test_a_line_that_opens_at_once_is_not_logged(device):
+    logged = []
+    one = Port(device[1], 921600, lambda line, _: None, logged.append)
+    until(lambda: one.opened)
+    one.close()
+    assert logged == []
+
+
 def test_a_line_has_one_driver(device, opened):
     """Two would take each other's bytes, and both command the same legs."""
     one, _ = opened

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig import QUIET, SGCS, R, expected, read, setpoints, trial, with_effect
+from rig import QUIET, SGCS, R, expected, read, setpoints, trial, with_effect, with_noise
 
 from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
@@ -43,7 +43,7 @@ def test_the_rate_of_set_points_does_not_matter():
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_changes_some_observable(name):
-    with_it = World(effects={name: {"a_m_s2": 0.45} if name == "swimming_thrust" else {}}).with_noise(0.0)
+    with_it = with_noise(World(effects={name: {"a_m_s2": 0.45} if name == "swimming_thrust" else {}}), 0.0)
     cells = ((0.62, 18.0), (0.59, 20.0), (0.633, 26.0))
     changed = [
         np.abs(np.subtract(list(vars(read(with_it, *cell)).values()), list(vars(read(QUIET, *cell)).values())))
@@ -124,7 +124,7 @@ def test_motors_that_fall_behind_are_slow_and_fast_at_the_same_angles():
 
 
 def test_sgcs_walks_at_the_slow_phase_rate():
-    beta, world = 1.1 / (2 * np.pi * 0.45), SGCS.with_noise(0.0)
+    beta, world = 1.1 / (2 * np.pi * 0.45), with_noise(SGCS, 0.0)
     for phi in np.linspace(0.593, 0.633, 3):
         for omega in (4.0, 8.0, 12.0):
             speed, lift, peak, _ = expected(world.stiffness_n_per_m(phi), omega, world.delta_t_s, beta)
@@ -138,7 +138,7 @@ def test_legs_of_a_tripod_share_the_load():
 
     def climbed(tripod, **effects):
         legs = Robot(legs_per_tripod=tripod, leg_order=tuple(f"leg_{i}" for i in range(2 * tripod)))
-        world = replace(null_world(), effects=effects).walked_by(legs).with_noise(0.0)
+        world = with_noise(replace(null_world(), effects=effects).walked_by(legs), 0.0)
         t_s = setpoints(14.0)[0]
         return simulate(world, 0.62, t_s, *leg_angles(PRESETS["UNIFORM"], 14.0, t_s, tripod), seed=5)
 
@@ -183,7 +183,7 @@ def test_replicates_differ_as_the_noise_says():
     gait=st.sampled_from(["UNIFORM", "SGCS", "HGCS"]),
 )
 def test_whatever_the_world_the_robot_stays_on_the_track(effects, phi, omega, gait):
-    trace = trial(World(effects={name: {} for name in effects}).with_noise(0.0), phi, omega, gait)
+    trace = trial(with_noise(World(effects={name: {} for name in effects}), 0.0), phi, omega, gait)
     assert np.isfinite(trace.x_m).all()
     assert (np.diff(trace.x_m) >= -1e-9).all()
     assert trace.z_m.min() >= 0.025 - 1e-9
@@ -230,7 +230,7 @@ def test_live_time_never_runs_backwards():
 
 def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
     """Control: outside the region of sgcs_world.yaml a step is set by the clock, not by the balance at slow rate."""
-    strong = World(k_knots_n_per_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=SGCS.robot).with_noise(0.0)
+    strong = with_noise(World(k_knots_n_per_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=SGCS.robot), 0.0)
     step = np.pi / 8.0 * read(strong, 0.61, 8.0, gait="SGCS").speed_m_s
     assert step == pytest.approx(2 * R * np.sin(0.55), rel=0.01)
     assert expected(200.0, 8.0, 0.3, 1.1 / (2 * np.pi * 0.45))[3] > 1.05 * step
@@ -239,7 +239,7 @@ def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
 def test_a_swimmer_that_once_walked_swims_like_one_that_never_did():
     """The stroke rate behind the thrust is that of the strokes, not of the walk before them."""
     effects = {"disturbed_ground": {"k_l_n_per_m": 165.0, "s_c": 0.95}, "swimming_thrust": {"a_m_s2": 0.45}}
-    seen = read(World(effects=effects).with_noise(0.0), 0.61, 22.0)
+    seen = read(with_noise(World(effects=effects), 0.0), 0.61, 22.0)
     assert seen.first_step_m > 0.02
     assert seen.speed_m_s == pytest.approx(0.45 / 22.0, rel=1e-3)
 

@@ -16,6 +16,7 @@ from sandbot_bringup.safety import Safety
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
+from sandbot_common.typed import number_or_nan
 from sandbot_record.bags.recording import Limits
 
 HISTORY_S = 5.0
@@ -114,7 +115,9 @@ class Packing:
         if busy and not self._busy:
             self.points.clear()
         self._busy = busy
-        figures = {key: _number(values.get(key)) for key in ("pulses", "refluidised", "phi", "phi_sd", "height_m")}
+        figures = {
+            key: number_or_nan(values.get(key)) for key in ("pulses", "refluidised", "phi", "phi_sd", "height_m")
+        }
         if not math.isfinite(figures["phi"] + figures["height_m"]):
             return
         if values.get("stage") == "pulse":
@@ -220,7 +223,7 @@ class Console:
             running = values.get("running") == "True"
             self.safety.on_clock(running, now_s)
             self._walking_since_s = min(self._walking_since_s, now_s) if running else math.inf
-        if name == "recorder" and math.isfinite(size := _number(values.get("bytes"))):
+        if name == "recorder" and math.isfinite(size := number_or_nan(values.get("bytes"))):
             self.recorder.add(size, now_s)
 
     def set_campaign(self, text: str, now_s: float) -> None:
@@ -233,7 +236,7 @@ class Console:
         """Set the model's curve at the φ of a trial, stored under the trial's target φ."""
         content = _json(text, topics.MODEL_CURVE.name)
         if isinstance(content, dict) and "phi" in content:
-            target = _number(self.trial.get("phi_target", content["phi"]))
+            target = number_or_nan(self.trial.get("phi_target", content["phi"]))
             self.curves[f"{target:.4f}"] = content
 
     def new_picture(self, camera: str, seen: Sequence[str] = ()) -> None:
@@ -286,8 +289,8 @@ class Console:
 
     def _target(self) -> dict[str, float | None]:
         health = self.nodes.get("bed")
-        tolerance = _number(health.values.get("tolerance")) if health else math.nan
-        target = _number(self.bed.get("target_phi"))
+        tolerance = number_or_nan(health.values.get("tolerance")) if health else math.nan
+        target = number_or_nan(self.bed.get("target_phi"))
         return {"target_phi": _or_none(target), "tolerance": _or_none(tolerance)}
 
     def _timing(self, now_s: float) -> dict[str, str]:
@@ -309,7 +312,7 @@ class Console:
         values = self._recent("recorder", now_s)
         if not values:
             return {}
-        figures = {key: _or_none(_number(values.get(key))) for key in ("written", "lost", "bytes", "free_bytes")}
+        figures = {key: _or_none(number_or_nan(values.get(key))) for key in ("written", "lost", "bytes", "free_bytes")}
         return {**figures, **self.recorder.figures(figures["free_bytes"] or math.nan)}
 
 
@@ -321,13 +324,6 @@ def _json(text: str, where: str) -> Any:
     except (InputError, ValueError):
         return None
     return content
-
-
-def _number(text: object) -> float:
-    try:
-        return float(str(text))
-    except ValueError:
-        return math.nan
 
 
 def _or_none(value: float) -> float | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
-from sandbot_common.files import check_output, write_text, writing
+from sandbot_common.files import check_output, sync, write_text, writing
 from sandbot_record.bags.reader import is_bag
 
 PATIENCE_S = 3.0
@@ -55,11 +55,23 @@ class CampaignFolder:
         """Where the bag of ``trial`` goes."""
         return self.trials / trial.trial_id
 
-    def partial_bag(self, trial_id: str) -> Path:
-        """Where the bag of an unfinished or failed trial goes; an earlier one there is renamed and kept."""
-        path = self.trials / PARTIAL / trial_id
+    def partial(self, trial_id: str) -> Path:
+        """Where the bag of an unfinished or failed trial is."""
+        return self.trials / PARTIAL / trial_id
+
+    def keep(self, trial: PlannedTrial) -> None:
+        """Move the bag of a complete trial from .partial to its place, durably."""
         with writing(self.path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            self.partial(trial.trial_id).rename(self.bag(trial))
+            sync(self.trials)
+
+    def partial_bag(self, trial_id: str) -> Path:
+        """``partial``, for a new bag; an earlier one there is renamed and kept."""
+        path = self.partial(trial_id)
+        with writing(self.path):
+            # Not the campaign's folder, too: one that was deleted would come back with half a campaign.
+            for folder in (self.trials, path.parent):
+                folder.mkdir(exist_ok=True)
             if path.exists():
                 number = 1
                 while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():

@@ -20,7 +20,6 @@ class RecorderProcess:
 
     def __init__(self, bag: Path, images: str, attachments: Sequence[Path], namespace: str = "/") -> None:
         """``images``: none, jpeg, video or raw. ``namespace``: that of the trackway."""
-        bag.parent.mkdir(parents=True, exist_ok=True)
         left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
         names = [topic.name for topic in topics.ALL if topic not in left_out]
         command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images]

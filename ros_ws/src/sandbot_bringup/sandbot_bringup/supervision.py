@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sandbot_common import topics
+from sandbot_common.typed import number_or_nan
 
 LOOP = "its loop"
 """In place of a topic: any sign that a node's loop turns, its health or a heartbeat with a new loop time."""
@@ -112,17 +113,17 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     for camera in topics.VIEWS:
         if f"{camera}_calibrated_ms" not in after:
             continue
-        if int(after[f"{camera}_frames"]) <= int(before.get(f"{camera}_frames", 0)):
+        if not _figure(after, f"{camera}_frames") > _figure(before, f"{camera}_frames"):
             return f"the {camera} camera sends no frames"
-        period_ms, calibrated_ms = (float(after[f"{camera}_{what}"]) for what in ("period_ms", "calibrated_ms"))
-        if abs(period_ms / calibrated_ms - 1.0) > PACE:
+        period_ms, calibrated_ms = (_figure(after, f"{camera}_{what}") for what in ("period_ms", "calibrated_ms"))
+        if period_ms > 0 and calibrated_ms > 0 and abs(period_ms / calibrated_ms - 1.0) > PACE:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
             return f"the {camera} camera takes {rate:.3g} frames a second, cameras.yaml says {calibrated:.3g}"
     # Before the LED's first flash the offset between the cameras' clocks is unknown.
     if all(after.get(f"{camera}_clock") == "by the LED" for camera in topics.VIEWS):
-        frames, lost = (int(after[what]) - int(before.get(what, 0)) for what in ("dorsal_frames", "lost_frames"))
+        frames, lost = (_figure(after, what) - _figure(before, what) for what in ("dorsal_frames", "lost_frames"))
         if lost > OUT_OF_STEP * frames:
-            views = f"{lost} views without a partner for {frames} dorsal frames"
+            views = f"{lost:.0f} views without a partner for {frames:.0f} dorsal frames"
             return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
     return ""
 
@@ -135,12 +136,15 @@ def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """
     for camera in topics.VIEWS:
         edges, edges_after, jumps, jumps_after = (
-            int(values.get(f"{camera}_{what}", 0))
-            for what in ("led_edges", "clock_jumps")
-            for values in (before, after)
+            _figure(values, f"{camera}_{what}") for what in ("led_edges", "clock_jumps") for values in (before, after)
         )
         if jumps_after > jumps:
             return f"the {camera} camera's clock disagrees with the LED (clock_jumps)"
         if edges and edges_after == edges:
             return f"the {camera} camera did not see the LED, so its clock is uncertain"
     return ""
+
+
+def _figure(values: Mapping[str, str], name: str) -> float:
+    """A figure of a node's status: 0 before it has one, NaN if it is not a number, which exceeds nothing."""
+    return number_or_nan(values.get(name, 0))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.typed import number_or_nan
 
 FASTEST_RAD_S = 1000.0
 """Several times the leg rate in the swing of the fastest gait; beyond it the state of the ground is meaningless."""
@@ -18,9 +19,10 @@ def leg_mount_rad(said: Mapping[str, object], where: str) -> float:
     Raises InputError, naming ``where``, if it is not an angle.
     """
     value = said.get("leg_mount_rad", 0.0)
-    if not isinstance(value, int | float) or not math.isfinite(value):
+    angle = number_or_nan(value) if isinstance(value, int | float) else math.nan
+    if not math.isfinite(angle):
         raise InputError(f"{where}: leg_mount_rad: {value!r} is not an angle [rad]")
-    return float(value)
+    return angle
 
 
 def check_turning(t_s: NDArray[np.float64], angles: NDArray[np.float64], rates: NDArray[np.float64]) -> None:

@@ -87,7 +87,7 @@ def _scheduled(policy: Callable[[], int], priority: int) -> Iterator[None]:
 class Neighbour:
     """Another process of this host."""
 
-    pid: int
+    pid: str
     start: str
 
     @classmethod
@@ -97,7 +97,7 @@ class Neighbour:
         pid, _, start = rest.partition(" ")
         if host != _host() or not pid.isdigit():
             return None
-        one = cls(int(pid), start)
+        one = cls(pid, start)
         return None if one.fault == "is gone" else one
 
     @property
@@ -124,7 +124,7 @@ def _host() -> str:
         return ""
 
 
-def _stat(pid: int) -> list[str]:
+def _stat(pid: int | str) -> list[str]:
     return _read(f"{_PROC}/{pid}/stat").rpartition(")")[2].split()
 
 

@@ -1,5 +1,8 @@
-"""Run-time checks of argument types for the Python API, whose users may run no type checker."""
+"""Run-time checks of types: of arguments of the Python API, whose users may run no type checker, and of what other
+programs send.
+"""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from numbers import Integral, Real
 from textwrap import shorten
@@ -12,6 +15,14 @@ _NUMBERS: dict[object, type] = {int: Integral, float: Real}
 _WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a string"}
 _LONGEST = 60
 """The most characters of a value in a message."""
+
+
+def number_or_nan(said: object) -> float:
+    """What another program says is a number, such as a value of /diagnostics; NaN if it is none."""
+    try:
+        return float(str(said))
+    except ValueError:
+        return math.nan
 
 
 def check_types(function: Callable[..., Any], given: Mapping[str, Any]) -> None:

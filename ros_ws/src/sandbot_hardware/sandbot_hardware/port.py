@@ -19,10 +19,15 @@ _WAIT_S = 0.1
 
 
 class Port:
-    """``heard(line, received_ns)`` is called for every message, in the port's thread."""
+    """``heard(line, received_ns)`` is called for every message, in the port's thread; ``log`` with a text at each
+    change of ``trouble``.
+    """
 
-    def __init__(self, path: str, baud: int, heard: Callable[[Line, int], None]) -> None:
-        self._path, self._baud, self._heard = path, baud, heard
+    def __init__(
+        self, path: str, baud: int, heard: Callable[[Line, int], None], log: Callable[[str], object] = lambda _: None
+    ) -> None:
+        self._path, self._baud, self._heard, self._log = path, baud, heard, log
+        self._logged = ""
         self._reader = Reader()
         self._device: serial.Serial | None = None
         self.trouble = f"{path}: not opened yet"
@@ -91,18 +96,25 @@ class Port:
             # Two drivers on one line would take each other's bytes, and both would command.
             device = serial.Serial(self._path, self._baud, timeout=_WAIT_S, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
-            self.trouble = f"{self._path}: {_reason(error)}"
+            self._set_trouble(f"{self._path}: {_reason(error)}")
             return None
         with self._lock:
-            self._device, self.trouble = device, ""
+            self._device = device
             self.opened += 1
+            self._set_trouble("")
         return device
 
     def _lose(self, error: Exception) -> None:
         if self._device is not None:
             self._device.close()
             self._device = None
-        self.trouble = f"{self._path}: {_reason(error)}"
+        self._set_trouble(f"{self._path}: {_reason(error)}")
+
+    def _set_trouble(self, trouble: str) -> None:
+        self.trouble = trouble
+        if trouble != self._logged:
+            self._logged = trouble
+            self._log(f"{trouble}; tried again every {RETRY_S:g} s" if trouble else f"{self._path}: open")
 
 
 def send(file: int, data: bytes) -> None:
@@ -128,4 +140,6 @@ def _reason(error: Exception) -> str:
         return "another program has it open; one driver for each line"
     if isinstance(error, termios.error):  # not an OSError, and pyserial does not wrap it
         return str(error.args[-1])
+    if number := getattr(error, "errno", None):
+        return os.strerror(number)  # pyserial's own text repeats the path
     return getattr(error, "strerror", None) or "the cable is out"

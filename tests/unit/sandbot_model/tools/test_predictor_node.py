@@ -52,12 +52,22 @@ def test_new_parameters_keep_the_robot_of_the_trial_and_draw_its_curve_anew():
     assert after["speed_m_s"] != before["speed_m_s"]
 
 
-def test_a_trial_that_cannot_be_read_is_forgotten_with_the_next_one():
+@pytest.mark.parametrize("odd", [{"omega_rad_s": "fast"}, {"omega_rad_s": 10**400}, {"leg_mount_rad": 10**400}])
+def test_a_trial_that_cannot_be_read_is_forgotten_with_the_next_one(odd):
     node = Unwired()
-    node.hears(omega_rad_s="fast")
+    node.hears(**odd)
     assert (node._health.level, "can't be read" in node._health.text) == (1, True)
     node.hears()
     assert (node._health.level, node._health.text) == (0, "ok")
+
+
+@pytest.mark.parametrize(("angles", "rates", "predicted"), [(6, 6, 1), (0, 0, 0), (6, 3, 0), (0, 6, 0)])
+def test_leg_states_without_angles_or_rates_are_ignored(angles, rates, predicted):
+    node, speeds = Unwired(), []
+    node._speed = SimpleNamespace(publish=speeds.append)
+    node.hears()
+    node._on_legs(messages.joint_state(1, topics.LEGS, np.zeros(angles), np.zeros(rates), np.zeros(6)))
+    assert len(speeds) == predicted
 
 
 def test_a_trial_of_another_robot_than_that_of_the_parameters_is_said_so(tmp_path):

@@ -1,6 +1,8 @@
 import errno
 import itertools
+import math
 import os
+import shutil
 import threading
 import time
 
@@ -239,6 +241,31 @@ def test_a_full_disk_is_told_before_a_chunk_is_full(tmp_path, monkeypatch):
     made.close()
 
 
+@pytest.mark.parametrize("what", ["renamed", "deleted", "its folder deleted"])
+def test_a_bag_that_is_no_longer_there_is_told_at_once_and_not_made_anew(tmp_path, what):
+    """The report of it has figures of a disk that may be gone; it must come out all the same."""
+    told, path = threading.Event(), tmp_path / "campaign" / "b"
+    made = recording(path, flush_period_s=0.01)
+    made.on_stop = told.set
+    put(made, [1])
+    assert not told.wait(0.1)  # it is there
+    if what == "renamed":
+        path.rename(tmp_path / "campaign" / "mine")
+    else:
+        shutil.rmtree(path if what == "deleted" else path.parent)
+    assert told.wait(10)
+    assert made.failed
+    assert made.reason == f"{path}: renamed or deleted while it was written"
+    assert math.isfinite(made.free_bytes) == path.parent.exists()
+    assert made.size_bytes == 0
+    made.add_topic("/y", KIND)
+    made.close({"trial": {"id": "t1"}})
+    assert not path.exists()
+    if what == "renamed":  # its file is complete
+        with (tmp_path / "campaign" / "mine" / "b_0.mcap").open("rb") as file:
+            assert make_reader(file).get_summary().statistics.message_count == 1
+
+
 def test_what_waits_is_flushed_while_more_comes(tmp_path):
     """A second passes between any two looks at this clock: each message is on the disk before the next."""
     seconds = itertools.count()
@@ -301,6 +328,13 @@ def test_a_fault_of_the_writers_own_is_told_in_the_bag(tmp_path):
     made.close()
     assert made.failed
     assert Bag.open(tmp_path / "b").provenance["recording"]["exit_status"].startswith("ZeroDivisionError: ")
+
+
+def test_half_a_character_of_a_trial_does_not_prevent_closing(tmp_path):
+    made = recording(tmp_path / "b")
+    made.close({"trial": {"id": "t\ud800", "plan": "φ"}})
+    trial = Bag.open(tmp_path / "b").provenance["trial"]
+    assert (trial["id"], trial["plan"]) == ("t\\ud800", "φ")
 
 
 def test_images_become_jpeg(tmp_path):

@@ -22,6 +22,11 @@ def checked(words):
     [
         ("/leg_states --exclude /leg", "--exclude: of topics that are named none is left out"),
         ("--all --images none --pause-images", "--pause-images: --images none"),
+        ("--all --duration 0", "--duration 0: more than 0 is needed; leave it out for no limit"),
+        ("--all --duration nan", "--duration nan: more than 0"),
+        ("--all --max-size 0", "--max-size 0: more than 0"),
+        ("--all --max-duration 0", "--max-duration 0: more than 0"),
+        ("--all --min-free -1", "--min-free: -1.0 is not a number from 0 up"),
         ("--all --max-size 1e-7", "--max-size: 1e-07 MiB is less than a byte"),
         ("--all --attach a/x.yaml b/x.yaml", "--attach: two files are named x.yaml"),
     ],
@@ -34,7 +39,8 @@ def test_what_would_be_ignored_is_refused(words, said):
 @pytest.mark.parametrize(
     "words",
     [
-        "--all --exclude /leg --max-size 0",
+        "--all --exclude /leg --min-free 0",
+        "--all --duration 1e-3 --max-duration 5",
         "/a --regex /leg --exclude states --max-size 1e-6",
         "--all --images video --pause-images --attach a/x.yaml b/y.yaml",
     ],

@@ -7,7 +7,7 @@ at once.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -33,14 +33,13 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.files import sync, writing
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
 from sandbot_common.ros.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
-from sandbot_record.trials.from_bags import row_from_bag
+from sandbot_record.trials.from_bags import plan_of, row_from_bag
 from sandbot_record.trials.table import OK, Row
 
 BED_S = 600.0
@@ -78,6 +77,25 @@ def checked_row(bag: Path) -> Row:
         why = row.status
     mark(bag, why)
     raise TrialFailed(f"{why}; its bag is kept in {bag}")
+
+
+def keep_complete(folder: CampaignFolder, trials: Iterable[PlannedTrial]) -> None:
+    """Keep trials that were over, and are ok, but whose bags a killed campaign could not move to their places."""
+    for trial in folder.missing(trials):
+        if _is_complete(folder.partial(trial.trial_id), trial):
+            folder.keep(trial)
+            print(f"{trial.trial_id}: was complete when the campaign was killed: kept")
+
+
+def _is_complete(path: Path, trial: PlannedTrial) -> bool:
+    """Whether the bag is of this very trial, ended as it should, and is ok for the table."""
+    try:
+        bag = Bag.open(path)
+        of_trial = {"trial_id": trial.trial_id, "seed": trial.seed}
+        ended = {bag.provenance.get(name, {}).get("exit_status") for name in ("trial", "recording")}
+        return ended == {OK} and of_trial.items() <= plan_of(bag).items() and row_from_bag(path).status == OK
+    except (InputError, OSError):
+        return False
 
 
 def _clock_parameters(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
@@ -151,9 +169,7 @@ class Operator(Node):
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {partial}")
         # Judged as for the table: a trial that is not ok there is not finished.
         row = checked_row(partial)
-        with writing(folder.path):
-            partial.rename(folder.bag(trial))
-            sync(folder.trials)
+        folder.keep(trial)
         return row
 
     def _run(self, trial: PlannedTrial, bag: Path, attachments: Sequence[Path]) -> RecorderProcess:

@@ -13,6 +13,7 @@ from sandbot_common import messages, topics
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
 from sandbot_common.ros.node import PROCESS, subscription
+from sandbot_common.typed import number_or_nan
 
 QUIET_S = 3.0
 """A tracker that is silent for this long has no more frames."""
@@ -96,9 +97,9 @@ class Hearing:
         self.watch()
 
     @property
-    def recorded(self) -> int:
-        """Number of messages written, as the recorder reports."""
-        return int(self.statuses.get(RECORDER, NodeStatus()).values.get("written", "0"))
+    def recorded(self) -> float:
+        """Number of messages written, as the recorder reports; NaN if it does not."""
+        return number_or_nan(self.statuses.get(RECORDER, NodeStatus()).values.get("written"))
 
     def require_recorder(self) -> None:
         """The recorder has been heard, and is vital from now on."""
@@ -187,7 +188,7 @@ class Hearing:
             values = messages.values_of(status)
             self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
             self.bed_preparation = values.get("preparation", "")
-            self.bed_height_m = float(values.get("height_m", math.nan))
+            self.bed_height_m = number_or_nan(values.get("height_m"))
 
     def _on_height(self, _: bytes) -> None:
         self.heights += 1

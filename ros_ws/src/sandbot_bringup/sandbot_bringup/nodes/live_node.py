@@ -15,7 +15,7 @@ from sandbot_bringup.config import robot_of
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import Journal
-from sandbot_bringup.nodes.campaign_node import PRIORITY, Operator
+from sandbot_bringup.nodes.campaign_node import PRIORITY, Operator, keep_complete
 from sandbot_bringup.nodes.desk_node import Desk
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_block
 from sandbot_bringup.queue import Queue
@@ -63,6 +63,7 @@ def run_live(
             operator.find_nodes()
             # A trackway has one campaign; the folder may belong to one in another namespace or on another host.
             with folder.adopted(plan, files):
+                keep_complete(folder, trials_of(plan))
                 folder.set_aside(redo() if redo else {})
                 campaign = _Campaign(operator, plan, folder, files)
                 try:
@@ -178,8 +179,8 @@ class _Campaign:
             self._desk.note("stopped", trial_id=name, reason=str(error))
         except TrialFailed as error:
             self.queue.fail(name, str(error))
+            bar.write(f"{name}: failed: {error}")  # before the journal, whose disk may be the reason
             self._desk.note("failed", trial_id=name, reason=str(error))
-            bar.write(f"{name}: failed: {error}")
             if self.queue.waiting and (why := self._streak.failed(str(error))):
                 self._hold_or_end(why)
         else:

@@ -190,6 +190,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
 def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     """The plan with the command line's options on the verdict, checked as if they were in the file."""
+    if options.budget is not None and options.budget < 1:
+        raise InputError(f"--budget {options.budget}: 1 or more trials are needed; leave it out for the whole grid")
     given = {key: getattr(options, key) for key in ("until", *VERDICT_KEYS)}
     given = {key: value for key, value in given.items() if value is not None}
     if not given:

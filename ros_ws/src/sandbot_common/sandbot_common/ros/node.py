@@ -36,6 +36,7 @@ from sandbot_common.parameters import Spec, check, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
 from sandbot_common.ros.timer import Timer, end_timers
 from sandbot_common.suggest import did_you_mean
+from sandbot_common.typed import number_or_nan
 
 T = TypeVar("T")
 
@@ -265,9 +266,8 @@ class Health:
         ours, theirs = self._process.split(), values.get(PROCESS, "").split()
         if len(ours) == len(theirs) == 3 and ours[0] == theirs[0] and ours[2] != theirs[2]:
             # Same host: start times count from its boot, so setting the system clock does not change them.
-            return int(theirs[2]) < int(ours[2])
-        since = values.get(_SINCE, "")
-        return since.isdigit() and int(since) < self._since_ns
+            return number_or_nan(theirs[2]) < int(ours[2])
+        return number_or_nan(values.get(_SINCE)) < self._since_ns
 
 
 def use_shared_memory(*, frames: bool) -> None:

@@ -37,7 +37,7 @@ class SerialBed(Node):
         self._partners, self._lapsed = Partners(self), False
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
-        self._port = Port(self._given.device, self._given.baud, self._heard)
+        self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning)
         self._health = node.Health(self, self._figures, sole=True)
         Timer(self, WATCH_S, self._watch)
 

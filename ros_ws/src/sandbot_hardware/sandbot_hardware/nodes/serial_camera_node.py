@@ -38,7 +38,7 @@ class SerialCamera(Node):
         view = topics.VIEWS[given.camera]
         self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
         self._frames = self._unreadable = 0
-        self._port = Port(given.device, given.baud, self._heard)
+        self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning)
         self._health = node.Health(self, self._figures)
 
     def close(self) -> None:

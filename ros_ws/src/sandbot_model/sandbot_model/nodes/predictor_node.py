@@ -59,7 +59,7 @@ class PredictorNode(Node):
             self._use_robot_of_trial(self._settings.current)
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             self._health.level, self._health.text = 1, f"/trial can't be read: {type(error).__name__} {error}"
             return
         self._announce()
@@ -97,7 +97,7 @@ class PredictorNode(Node):
         self._curve.publish(messages.string(json.dumps(curve)))
 
     def _on_legs(self, message: JointState) -> None:
-        if not self._known:
+        if not self._known or not 0 < len(message.position) == len(message.velocity):
             return
         angles, rates = np.array(message.position) + self._leg_mount_rad, np.array(message.velocity)
         here = self._predictor.velocity(self._phi, self._omega, self._gait, angles, rates)

@@ -77,7 +77,7 @@ class McapWriter:
         return writer
 
     def _begin(self, fd: int, compression: str, chunk_size: int) -> None:
-        self._fd, self._offset = fd, 0
+        self._fd, self._offset, self._stat = fd, 0, os.fstat(fd)
         self._compression = "" if compression == "none" else compression
         self._chunk_size = chunk_size
         self._schemas: list[Schema] = []
@@ -193,6 +193,13 @@ class McapWriter:
         )
         self._write([record])
         self._others.append(index)
+
+    def is_at(self, path: Path) -> bool:
+        """Whether ``path`` leads to this file, open or closed. Raises OSError if the disk can't say."""
+        try:
+            return os.path.samestat(os.stat(path), self._stat)
+        except (FileNotFoundError, NotADirectoryError):
+            return False
 
     def flush(self, *, fsync: bool = False) -> None:
         """Close the open chunk: the messages so far survive a crash of this process (and, with fsync, a power cut)."""

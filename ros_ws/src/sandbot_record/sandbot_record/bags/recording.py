@@ -4,6 +4,7 @@ So a slow disk does not delay receiving. Counts, losses and the reason for stopp
 only feeds it. The clocks are passed in.
 """
 
+import math
 import shutil
 import threading
 from collections import deque
@@ -214,6 +215,10 @@ class Recording:
                     self._writer.metadata(name, values)
                 self._writer.close()
                 return
+            except InputError as error:
+                self.stop(str(error))
+                self._writer.abandon()
+                return
             except OSError as error:
                 self.stop(f"{error.strerror}: {self._writer.path}")
         try:
@@ -258,14 +263,14 @@ class Recording:
         return sum(tally.written for tally in self.tallies.values())
 
     @property
-    def size_bytes(self) -> int:
-        """Current size of the bag on disk."""
-        return sum(map(_size_bytes, self._writer.folder.glob("*")))
+    def size_bytes(self) -> float:
+        """Current size of the bag on disk; NaN if that can't be read."""
+        return _or_nan(lambda: sum(map(_size_bytes, self._writer.folder.glob("*"))))
 
     @property
-    def free_bytes(self) -> int:
-        """Free space on the bag's disk."""
-        return self._free_bytes(self._writer.path.parent)
+    def free_bytes(self) -> float:
+        """Free space on the bag's disk; NaN if that can't be read."""
+        return _or_nan(lambda: self._free_bytes(self._writer.path.parent))
 
     def last_line(self) -> str:
         """The summary line printed at the end."""
@@ -339,6 +344,14 @@ class Recording:
         free = self._free_bytes(self._writer.path.parent)
         if free < self._limits.min_free:
             self.stop(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")
+
+
+def _or_nan(figure: Callable[[], float]) -> float:
+    """A figure of the disk; NaN if it is gone: the report that the recording failed must not fail for it."""
+    try:
+        return figure()
+    except OSError:
+        return math.nan
 
 
 def _size_bytes(file: Path) -> int:

@@ -197,21 +197,33 @@ class BagWriter:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write an MCAP metadata record, such as ``trial`` with the provenance."""
-        self._file.add_metadata(name, {str(key): str(value) for key, value in values.items()})
+        # A lone surrogate, which the JSON of /trial may hold but UTF-8 may not, is written as its JSON escape.
+        texts = {key: str(value).encode("utf-8", "backslashreplace").decode() for key, value in values.items()}
+        self._file.add_metadata(name, texts)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
         """Write an attachment, such as campaign.yaml."""
         self._file.add_attachment(name, data, media_type, self.info.files[-1].end_ns)
 
     def flush(self) -> None:
-        """Write everything so far to the file."""
+        """Write everything so far to the file. Raises InputError if the bag was renamed or deleted meanwhile."""
         self._file.flush(fsync=self._fsync)
+        self._check_place()
+
+    def _check_place(self) -> None:
+        # Writing itself goes on without an error, and metadata.yaml would get a new folder of the old name.
+        if not self._file.is_at(self._folder / self.info.files[-1].path):
+            raise InputError(f"{self._final}: renamed or deleted while it was written")
 
     def close(self) -> None:
-        """Complete the file and metadata.yaml, sync to disk and rename the folder to its final name."""
+        """Complete the file and metadata.yaml, sync to disk and rename the folder to its final name.
+
+        Raises InputError if the bag was renamed or deleted meanwhile; its file is complete, wherever it is.
+        """
         if self._closed:
             return
         self._file.close()
+        self._check_place()
         self.info.custom["state"] = metadata.COMPLETE
         metadata.write(self._folder, self.info)
         for path in (*self._folder.iterdir(), self._folder):
@@ -303,6 +315,7 @@ class BagWriter:
     def _write_metadata(self) -> None:
         """Update metadata.yaml before the messages, unless a crash would leave no folder anyway."""
         if self._folder == self._final:
+            self._check_place()
             metadata.write(self._folder, self.info)
 
     def _register(self, channel: _Channel) -> None:

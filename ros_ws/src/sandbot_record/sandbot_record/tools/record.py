@@ -60,12 +60,12 @@ def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Re
             flush_period_s=0.0,  # Recording does the flushing
             chunk_size=1 << 18,
             fsync=options.fsync,
-            split=Split(int(options.max_size * MIB), options.max_duration),
+            split=Split(int((options.max_size or 0) * MIB), options.max_duration or 0.0),
             whole=False,
         )
         recording = Recording(
             writer,
-            limits=Limits(int(options.min_free * MIB), options.duration),
+            limits=Limits(int(options.min_free * MIB), options.duration or 0.0),
             images=options.images,
             images_paused=options.pause_images,
             codec=options.video_codec or "rawvideo",
@@ -85,7 +85,7 @@ def _parser() -> cli.Parser:
     parser.add_argument("-a", "--all", action="store_true", help="every topic, also those that appear later")
     parser.add_argument("--regex", "-e", default="", help="topics whose name matches, also those that appear later")
     parser.add_argument("--exclude", "-x", default="", help="but not those that match this")
-    parser.add_argument("--duration", type=float, default=0.0, metavar="S", help="stop after so many seconds")
+    parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds (default: at Ctrl-C)")
     parser.add_argument("--compression", choices=COMPRESSIONS, default="none", help="of the chunks (default: none)")
     parser.add_argument(
         "--images",
@@ -99,8 +99,8 @@ def _parser() -> cli.Parser:
     parser.add_argument(
         "--video-codec", choices=tuple(CODECS), help="of --images video (default: rawvideo); ffv1 is smaller and slower"
     )
-    parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
-    parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
+    parser.add_argument("--max-size", type=float, metavar="MIB", help="begin a new file after so much (never)")
+    parser.add_argument("--max-duration", type=float, metavar="S", help="begin a new file after so long (never)")
     parser.add_argument(
         "--min-free", type=float, default=200.0, metavar="MIB", help="stop when less space is free (200)"
     )
@@ -135,11 +135,14 @@ def _check(options: argparse.Namespace) -> None:
     for topic in options.topics:
         if not NAME.fullmatch(topic):
             raise InputError(f"{topic!r} is not a topic name such as /leg_states")
-    for name in ("duration", "max_size", "max_duration", "min_free"):
-        if not 0 <= getattr(options, name) < 1e12:
-            raise InputError(f"--{name.replace('_', '-')}: {getattr(options, name)} is not a number from 0 up")
-    if 0 < options.max_size * MIB < 1:
-        raise InputError(f"--max-size: {options.max_size:g} MiB is less than a byte; 0 never begins a new file")
+    for name in ("duration", "max_size", "max_duration"):
+        value = getattr(options, name)
+        if value is not None and not 0 < value < 1e12:
+            raise InputError(f"--{name.replace('_', '-')} {value:g}: more than 0 is needed; leave it out for no limit")
+    if not 0 <= options.min_free < 1e12:
+        raise InputError(f"--min-free: {options.min_free} is not a number from 0 up")
+    if options.max_size is not None and options.max_size * MIB < 1:
+        raise InputError(f"--max-size: {options.max_size:g} MiB is less than a byte")
     _check_ignored(options)
 
 

@@ -16,6 +16,7 @@ from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.typed import number_or_nan
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge, publishers
@@ -78,11 +79,11 @@ def _read(path: Path) -> Measured:
         trial_id=str(plan.get("trial_id") or path.stem),
         phi=_last(bag, topics.BED_PHI.name),
         phi_sd=_phi_sd(bed),
-        omega_rad_s=_float(plan.get("omega_rad_s")),
+        omega_rad_s=number_or_nan(plan.get("omega_rad_s")),
         gait=_gait(plan.get("gait")),
-        replicate=_float(plan.get("replicate")),
+        replicate=number_or_nan(plan.get("replicate")),
         batch=str(plan.get("batch") or ""),
-        run_order=_float(plan.get("run_order")),
+        run_order=number_or_nan(plan.get("run_order")),
         started=_started(bag, plan),
     )
     exit_status = _exit_status(bag)
@@ -100,7 +101,7 @@ def _read(path: Path) -> Measured:
         first_step_m=summary.first_step_m,
     )
     begun_ns = start_ns(bag)
-    ready = [(t_ns, _float(values.get("phi"))) for t_ns, values in bed if values.get("stage") == "ready"]
+    ready = [(t_ns, number_or_nan(values.get("phi"))) for t_ns, values in bed if values.get("stage") == "ready"]
     fault = publishers.fault(bag, begun_ns, ready) or judge.fault(bag, begun_ns, row.omega_rad_s)
     row = replace(row, status=_status(row, exit_status, fault, summary.reason))
     return row, replace(setting, frame_rate_hz=frame_rate_hz)
@@ -340,18 +341,11 @@ def _phi_sd(bed: Sequence[tuple[int, dict[str, str]]]) -> float:
     """σ_φ of the last /bed/status that gives one."""
     names = ("phi_sd", "sigma_phi", "volume_fraction_sd")
     given = [value for _, values in bed for name, value in values.items() if name in names]
-    return _float(given[-1]) if given else math.nan
+    return number_or_nan(given[-1]) if given else math.nan
 
 
 def _gait(value: object) -> str:
     return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
-
-
-def _float(value: object) -> float:
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return math.nan
 
 
 def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
