@@ -111,7 +111,7 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
         if f"{camera}_calibrated_ms" not in after:
             continue
         if int(after[f"{camera}_frames"]) <= int(before.get(f"{camera}_frames", 0)):
-            return f"the {camera} camera sends no frames"
+            return f"the {camera} camera sends no new frames"
         period_ms, calibrated_ms = (float(after[f"{camera}_{what}"]) for what in ("period_ms", "calibrated_ms"))
         if abs(period_ms / calibrated_ms - 1.0) > PACE:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
