@@ -71,6 +71,16 @@ def test_bad_cameras_are_refused_by_name(change, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_camera_of_an_unknown_name_is_refused(tmp_path):
+    for names, known in ((("dorsal", "lateral"), True), (("dorsal", "top"), False)):
+        (tmp_path / "c.yaml").write_text(yaml.safe_dump(dict.fromkeys(names, DORSAL)))
+        if known:
+            assert set(read_cameras(tmp_path / "c.yaml")) == set(names)
+            continue
+        with pytest.raises(InputError, match=r"c.yaml: no camera is called 'top'; known: dorsal, lateral"):
+            read_cameras(tmp_path / "c.yaml")
+
+
 def test_calibrate_finds_the_camera_again(tmp_path, rng, capsys):
     camera = camera_from_mapping({**DORSAL, "fy": 1066.0, "distortion": [0.0] * 5}, "dorsal")
     points = np.column_stack((rng.uniform(0.4, 0.9, 40), rng.uniform(-0.15, 0.15, 40), rng.uniform(0, 0.4, 40)))
@@ -111,7 +121,9 @@ def shuffled(table):
         pytest.param(lambda table: table * (1, 1, 1000, 1000, 1000), "row 2: x_m: .* m; divide mm by 1000", id="mm"),
         pytest.param(lambda table: table[:, [0, 1, 4, 2, 3]], "does not look at the plane z = 0.12 m", id="axes"),
         pytest.param(lambda table: table[:, [1, 0, 2, 3, 4]], "at most; are columns exchanged", id="u and v"),
-        pytest.param(lambda table: table / (640, 640, 1, 1, 1), "do not determine where the camera stands", id="shares"),
+        pytest.param(
+            lambda table: table / (640, 640, 1, 1, 1), "do not determine where the camera stands", id="shares"
+        ),
     ],
 )
 def test_points_that_no_camera_sees_make_no_calibration(tmp_path, rng, capsys, change, said):
