@@ -125,6 +125,29 @@ def test_what_can_be_mended_gives_the_same_row(trial, row, tmp_path, change):
     assert other.lift_m == pytest.approx(row.lift_m, abs=2e-4)
 
 
+@pytest.mark.parametrize("since_s", [-STANDING_S, 0.8])
+def test_pictures_sent_twice_with_advancing_stamps_give_the_same_row(trial, row, tmp_path, since_s):
+    """A camera at half the rate behind a driver that keeps the nominal one."""
+
+    def twice(name, number, t_s, pixels):
+        return t_s, trial.films[name][number - number % 2] if t_s >= since_s else pixels
+
+    other = trial.row(tmp_path, twice)
+    assert other.status == "ok"
+    assert other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.01)
+    assert other.lift_m == pytest.approx(row.lift_m, abs=2e-4)
+    assert other.peak_speed_m_s == pytest.approx(row.peak_speed_m_s, rel=0.03)
+
+
+@pytest.mark.parametrize("cameras", [("dorsal", "lateral"), ("lateral",)])
+def test_a_clock_that_runs_fast_after_the_led_gives_no_lift(trial, row, tmp_path, cameras):
+    """The LED gives one offset; the rate is told by the steps, which must last as long as those of the legs."""
+    other = trial.row(tmp_path, lambda name, _, t_s, pixels: (t_s * (1 + 0.01 * (t_s > 0 and name in cameras)), pixels))
+    assert np.isnan(other.lift_m)
+    assert np.isnan(other.peak_speed_m_s) or other.peak_speed_m_s == pytest.approx(row.peak_speed_m_s, rel=0.02)
+    assert other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.01)
+
+
 def hidden(camera, since_s, for_s):
     """A hand before the camera."""
     dark = np.full((CAMERAS[camera].height, CAMERAS[camera].width), 50, np.uint8)

@@ -284,7 +284,7 @@ def test_a_node_table_changes_what_is_launched_or_is_refused(file, path, tmp_pat
     [
         ({**CAMERAS, "lateral": {**CAMERAS["lateral"], "frame_rate_hz": 50.0}}, "one for both is needed"),
         ({"dorsal": CAMERAS["dorsal"]}, "dorsal and lateral are needed"),
-        ({**CAMERAS, "third": CAMERAS["dorsal"]}, "and no others"),
+        ({**CAMERAS, "third": CAMERAS["dorsal"]}, "no camera is called 'third'"),
     ],
 )
 def test_cameras_that_a_trial_can_not_obey_are_refused(file, cameras, words, tmp_path):

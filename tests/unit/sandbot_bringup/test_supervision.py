@@ -105,7 +105,7 @@ def test_cameras_must_run_and_at_the_rate_of_their_calibration():
     assert pace_fault(pace(3), pace(50)) == ""
     assert pace_fault({}, pace(50, 12.0)) == ""
     assert pace_fault({}, {}) == ""  # no camera is calibrated: none is asked for
-    assert pace_fault(pace(50), pace(50)) == "the dorsal camera sends no frames"
+    assert pace_fault(pace(50), pace(50)) == "the dorsal camera sends no new frames"
     both = pace_fault(pace(3), pace(50) | pace(50, 20.0, "lateral"))
     assert both == "the lateral camera takes 50 frames a second, cameras.yaml says 100"
 

@@ -1,5 +1,7 @@
 """Pixels to metres and back, lens distortion and refusals."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -69,6 +71,16 @@ def test_bad_cameras_are_refused_by_name(change, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_camera_of_an_unknown_name_is_refused(tmp_path):
+    for names, known in ((("dorsal", "lateral"), True), (("dorsal", "top"), False)):
+        (tmp_path / "c.yaml").write_text(yaml.safe_dump(dict.fromkeys(names, DORSAL)))
+        if known:
+            assert set(read_cameras(tmp_path / "c.yaml")) == set(names)
+            continue
+        with pytest.raises(InputError, match=r"c.yaml: no camera is called 'top'; known: dorsal, lateral"):
+            read_cameras(tmp_path / "c.yaml")
+
+
 def test_calibrate_finds_the_camera_again(tmp_path, rng, capsys):
     camera = camera_from_mapping({**DORSAL, "fy": 1066.0, "distortion": [0.0] * 5}, "dorsal")
     points = np.column_stack((rng.uniform(0.4, 0.9, 40), rng.uniform(-0.15, 0.15, 40), rng.uniform(0, 0.4, 40)))
@@ -89,6 +101,44 @@ def table_of(camera, rng, path):
     table = np.column_stack((camera.to_pixels(points), points))
     np.savetxt(path / "p.csv", table, delimiter=",", header=",".join(calibrate.COLUMNS), comments="")
     return [str(path / "p.csv"), "--name", "dorsal", "--plane", "0.12", "--out", str(path / "c.yaml")]
+
+
+def other_pixels(table):
+    table[3, :2] = table[7, :2]
+    return table
+
+
+def shuffled(table):
+    table[:, :2] = np.roll(table[:, :2], 1, axis=0)
+    return table
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        pytest.param(other_pixels, r"px rms, 1\.9 at most, but 0\.\d without row 5: correct it", id="a row's pixels"),
+        pytest.param(shuffled, "at most; are columns exchanged, rows mixed up", id="rows"),
+        pytest.param(lambda table: table * (1, 1, 1000, 1000, 1000), "row 2: x_m: .* m; divide mm by 1000", id="mm"),
+        pytest.param(lambda table: table[:, [0, 1, 4, 2, 3]], "does not look at the plane z = 0.12 m", id="axes"),
+        pytest.param(lambda table: table[:, [1, 0, 2, 3, 4]], "at most; are columns exchanged", id="u and v"),
+        pytest.param(
+            lambda table: table / (640, 640, 1, 1, 1), "do not determine where the camera stands", id="shares"
+        ),
+    ],
+)
+def test_points_that_no_camera_sees_make_no_calibration(tmp_path, rng, capsys, change, said):
+    """Control: as they are, they do."""
+    words = table_of(camera_from_mapping({**DORSAL, "distortion": [0.0] * 5}, "dorsal"), rng, tmp_path)
+    table = np.loadtxt(words[0], delimiter=",", skiprows=1)
+    assert calibrate.main(words) == 0
+    (tmp_path / "c.yaml").unlink()
+    np.savetxt(words[0], change(table), delimiter=",", header=",".join(calibrate.COLUMNS), comments="")
+    capsys.readouterr()
+    assert calibrate.main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"error: {words[0]}: " in line
+    assert re.search(said, line)
+    assert not (tmp_path / "c.yaml").exists()
 
 
 def test_calibrate_writes_the_frame_rate_it_is_told(tmp_path, rng, capsys):

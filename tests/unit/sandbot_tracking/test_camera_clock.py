@@ -5,8 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_common.config import config_file
+from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.camera_clock import NANO, CameraClock
 from sandbot_tracking.frame_times import FrameTimes
+from sandbot_tracking.live import View
 
 PERIOD, EXPOSURE, LED_ON = 0.01, 0.002, 0.05
 T0 = 1_700_000_000 * NANO
@@ -195,3 +198,18 @@ def test_a_clock_that_is_off_is_placed_by_arrival_only_where_no_led_will_tell(le
     assert clock.placed is not led
     assert clock.offset_ns == (0 if led else 3_005_000_000)
     assert ("held until the LED" if led else "placed by when frames arrive") in clock.warning
+
+
+@pytest.mark.parametrize(("every", "frames", "period_s"), [(1, 60, 0.01), (2, 30, 0.02)])
+def test_a_picture_sent_again_with_a_new_stamp_is_no_frame_but_one_at_rest_is(rng, every, frames, period_s):
+    """Of a robot at rest only the noise differs; a driver that keeps the nominal rate repeats every second picture."""
+    view = View(read_cameras(config_file("cameras.yaml"))["dorsal"])
+    scene = np.full(view.shape, 60, np.uint8)
+    for n in range(60):
+        if n % every == 0:
+            noisy = scene + rng.integers(0, 2, view.shape, np.uint8)
+        stamp = T0 + n * 10_000_000
+        assert view.look(stamp, stamp, stamp, noisy) is (n % every == 0)
+    assert (view.times.frames, view.times.repeated) == (frames, 60 - frames)
+    assert view.times.period_s == pytest.approx(period_s)
+    assert view.frozen == every - 1

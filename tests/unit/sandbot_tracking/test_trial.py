@@ -1,6 +1,7 @@
 """Observables of simulated walking (stance x = R sin, with its jumps of speed) and swimming."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -247,3 +248,49 @@ def test_a_fast_end_of_a_stance_is_seen_or_the_peak_is_not_measured(rng, omega, 
             assert "too short to resolve" in found.reason
         else:
             assert found.peak_speed_m_s == pytest.approx(fast, rel=0.35)
+
+
+def filmed_by(rate, rng, omega=8.0, ratio=0.9, steps=12):
+    """A walk filmed by a camera whose clock runs fast by a share ``rate`` from the start on."""
+    t = np.arange(-0.1, steps * np.pi / omega, 0.01) + rng.uniform(0, 0.01)
+    x, z = walk(t, omega, ratio)
+    return measure(rng, x, z, np.where(t > 0, t * (1 + rate), t), omega)
+
+
+@pytest.mark.parametrize("rate", [-0.03, -0.01, -0.002, 0.002, 0.005, 0.01, 0.03])
+def test_a_camera_s_clock_of_another_rate_than_the_legs_gives_no_lift_and_no_peak(rng, rate):
+    """Else the steep parts of the fold are refused as no noise, and the flat part between two steps is the top: 0."""
+    found = filmed_by(rate, rng)
+    assert np.isnan([found.lift_m, found.peak_speed_m_s]).all()
+    said = re.findall(r"(lift|peak speed): the film's steps last (\S+) ±", found.reason)
+    assert [(what, float(percent)) for what, percent in said] == [
+        (what, pytest.approx(100 * abs(rate), rel=0.05)) for what in ("lift", "peak speed")
+    ]
+    assert ("longer" in found.reason) is (rate > 0)
+    assert found.speed_m_s == pytest.approx(8 * 0.9 * R / np.pi, rel=0.02)
+
+
+@pytest.mark.parametrize("rate", [-1e-4, 0.0, 1e-4])
+@pytest.mark.parametrize("omega", [4.0, 8.0, 24.0])
+def test_a_clock_within_what_clocks_drift_is_none_of_them(rng, rate, omega):
+    found = filmed_by(rate, rng, omega)
+    assert found.reason == ""
+    assert found.lift_m == pytest.approx(R * (1 - np.cos(np.arcsin(0.45))), abs=1e-4)
+    assert found.peak_speed_m_s == pytest.approx(R * omega, rel=0.03)
+
+
+def test_the_flat_part_of_a_step_is_not_taken_for_its_top(rng, monkeypatch):
+    """Whatever makes steps not fold. Control: those that do keep their lift."""
+    monkeypatch.setattr(fold, "_MIN_STEPS", np.inf)
+    assert "lift: a top too short to resolve (" in filmed_by(0.0075, rng, steps=24).reason
+    assert filmed_by(0.0, rng, steps=24).reason == ""
+
+
+def test_steps_that_are_only_irregular_blame_no_clock(rng):
+    """Phases that scatter, as of a lift that is mostly noise, have a slope by chance."""
+    number = np.arange(0.0, 10.0, 0.05) + 1e-9
+    for _ in range(200):
+        late = np.repeat(rng.uniform(-0.5, 0.5, 10), 20)
+        fold._check_in_step(number, np.sin(np.pi * (number % 1.0)) ** 2 * np.cos(2 * np.pi * (number - late)))
+    with pytest.raises(NotMeasured, match=r"1\.01 ± .* % longer"):
+        fold._check_in_step(number, np.sin(np.pi * (0.99 * number % 1.0)) ** 4)

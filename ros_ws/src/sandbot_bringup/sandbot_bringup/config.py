@@ -59,7 +59,7 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
 def _check_cameras(cameras: Mapping[str, Camera], path: Path) -> None:
     """Raises InputError unless both cameras are present and share a frame rate: the tracker works on frame pairs."""
     if set(cameras) != {"dorsal", "lateral"}:
-        raise InputError(f"{path}: cameras {', '.join(cameras)}: dorsal and lateral are needed, and no others")
+        raise InputError(f"{path}: cameras {', '.join(cameras)}: dorsal and lateral are needed")
     rates = {name: camera.frame_rate_hz for name, camera in cameras.items()}
     if len(set(rates.values())) > 1:
         raise InputError(f"{path}: frame_rate_hz: {rates['dorsal']:g} and {rates['lateral']:g}: one for both is needed")

@@ -114,7 +114,7 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
         if f"{camera}_calibrated_ms" not in after:
             continue
         if not _figure(after, f"{camera}_frames") > _figure(before, f"{camera}_frames"):
-            return f"the {camera} camera sends no frames"
+            return f"the {camera} camera sends no new frames"
         period_ms, calibrated_ms = (_figure(after, f"{camera}_{what}") for what in ("period_ms", "calibrated_ms"))
         if period_ms > 0 and calibrated_ms > 0 and abs(period_ms / calibrated_ms - 1.0) > PACE:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms

@@ -21,6 +21,8 @@ from sandbot_common.accuracy import SECTION, accuracy_from_mapping
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter
+from sandbot_common.suggest import did_you_mean
+from sandbot_common.topics import VIEWS
 
 Floats = NDArray[np.float64]
 
@@ -181,8 +183,17 @@ def cameras_from_mapping(content: Any, where: str) -> dict[str, Camera]:
         raise InputError(f"{where}: expected cameras by name (dorsal, lateral), got {content!r}")
     if SECTION in content:
         accuracy_from_mapping(content[SECTION], where)
-    sections = {str(name): mapping for name, mapping in content.items() if name != SECTION}
+    sections = camera_sections(content, where)
     return {name: camera_from_mapping(mapping, f"{where}: {name}") for name, mapping in sections.items()}
+
+
+def camera_sections(content: Mapping[Any, Any], where: str) -> dict[str, Any]:
+    """The sections of cameras.yaml that describe a camera, by its name. Raises InputError for an unknown name."""
+    sections = {str(name): section for name, section in content.items() if name != SECTION}
+    for name in sections:
+        if name not in VIEWS:
+            raise InputError(f"{where}: no camera is called {name!r}{did_you_mean(name, VIEWS)}")
+    return sections
 
 
 def read_cameras(path: Path | str) -> dict[str, Camera]:

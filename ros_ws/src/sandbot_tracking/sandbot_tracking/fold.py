@@ -27,8 +27,16 @@ _GROUP = 4
 """Points averaged for each end of a secant."""
 _MIN_SECANT = 0.003
 """Smallest length of a secant, in steps."""
-_MAX_SECANT_RATIO = 1.1
-"""Ratio of the steepest secant to the largest fitted slope from which some arc was too short for every window."""
+_MAX_RATIO = 1.1
+"""Ratio of the steepest secant to the largest fitted slope, or of the highest mean of a few points to the largest
+fitted level, from which some arc was too short for every window."""
+_FLAT_M = 1e-4
+"""A level below it need not be resolved."""
+_MAX_DRIFT = 0.01, 0.5
+"""Drift of the film against the legs over a trial beyond which steps no longer fold onto one curve, in steps and in
+frames: hardly an effect moves a step by so much, and aliasing moves it by less than half a frame."""
+_MIN_STEPS, _MAX_SCATTER = 5, 0.05
+"""Number of steps, and scatter of their phases in steps, from which a drift is told from chance."""
 MIN_POINTS = 8
 """Smallest number of points in a window, so that a cubic has residuals."""
 MIN_NOISE = 1e-7
@@ -80,9 +88,10 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     line = _featureless(folded, degree=1)
     if line is not None:
         return line.slope / seconds
+    _check_in_step(number, part - mean * (number % 1.0))
     best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se, _MAX_GAP)
     secant = _steepest_secant(folded)
-    if secant > _MAX_SECANT_RATIO * best.slope:
+    if secant > _MAX_RATIO * best.slope:
         found = f"{best.slope / seconds:.4f} m/s where it moves at {secant / seconds:.4f} m/s at least"
         raise NotMeasured(f"an arc too short to resolve ({found})")
     return best.slope / seconds
@@ -98,7 +107,11 @@ def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
     flat = _featureless(folded, degree=0)
     if flat is not None:
         return flat.level
+    _check_in_step(number, z)
     top = _best(folded, lambda fit: fit.level - 5 * fit.level_se).level
+    highest = _highest_group(folded)
+    if highest > _MAX_RATIO * max(top, _FLAT_M):
+        raise NotMeasured(f"a top too short to resolve ({top:.5f} m where it is at {highest:.5f} m at least)")
     return top * _median_scale(number, z, folded)
 
 
@@ -123,6 +136,36 @@ def check_enough(frames: int) -> None:
     """Raise NotMeasured if so few frames in steady steps give neither lift nor peak speed."""
     if frames < 4 * MIN_POINTS:
         raise NotMeasured(f"{frames} frames in steady steps, at least {4 * MIN_POINTS} are needed")
+
+
+def _check_in_step(number: Floats, part: Floats) -> None:
+    """Raise NotMeasured if the film's steps last longer or shorter than those of the legs.
+
+    The first harmonic of each step's ``part``, which is 0 at both its ends, gives its phase; a drift of the phases is
+    an error of the camera's clock against the legs' (or of an ω that was only assumed).
+    """
+    seen = np.isfinite(part)
+    step, phase, part = number[seen].astype(int), number[seen] % 1.0, part[seen]
+    steps, frames = np.unique(step, return_counts=True)
+    if steps.size < _MIN_STEPS:
+        return
+    harmonic = np.array([_first_harmonic(phase[step == one], part[step == one]) for one in steps])
+    late = -np.unwrap(np.angle(harmonic)) / (2 * np.pi)
+    rate, offset = np.polyfit(steps, late, 1)
+    scatter = float(np.sqrt(np.sum((late - rate * steps - offset) ** 2) / (steps.size - 2)))
+    se = scatter / float(np.std(steps) * np.sqrt(steps.size))
+    drift = abs(rate) * float(np.ptp(steps))
+    allowed = max(_MAX_DRIFT[0], _MAX_DRIFT[1] / float(np.median(frames)))
+    if scatter < _MAX_SCATTER and drift > allowed and abs(rate) > 5 * se:
+        longer = f"{100 * abs(rate):.2f} ± {100 * se:.1g} % {'longer' if rate > 0 else 'shorter'}"
+        raise NotMeasured(
+            f"the film's steps last {longer} than the legs', {drift:.2f} of a step in all: is the camera's clock right?"
+        )
+
+
+def _first_harmonic(phase: Floats, part: Floats) -> complex:
+    phase, part = np.concatenate(([0.0], phase, [1.0])), np.concatenate(([0.0], part, [0.0]))
+    return complex(np.trapezoid(part * np.exp(-2j * np.pi * phase), phase))
 
 
 def _grouped(values: Floats, size: int) -> Floats:
@@ -169,17 +212,28 @@ def _best(folded: Folded, merit: Callable[[_Fit], float], max_gap: float = np.in
 
 def _steepest_secant(folded: Folded) -> float:
     """Lower bound of the steepest slope: the steepest secant between means of a few points, less 5 standard errors."""
-    phase, value, deviation = (_grouped(array, _GROUP) for array in (folded.phase, folded.value, folded.deviation))
-    noise = np.maximum(1.4826 * np.median(np.abs(deviation), axis=1), folded.noise)
-    middle, level = phase.mean(axis=1), value.mean(axis=1)
+    middle, level, level_se = _groups(folded)
     found = 0.0
     for apart in (1, 2, 3):
         span, rise = middle[apart:] - middle[:-apart], level[apart:] - level[:-apart]
-        se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(_GROUP)
+        se = np.hypot(level_se[apart:], level_se[:-apart])
         # If steps last a whole number of frames, many points have the same phase.
         wide = span > _MIN_SECANT
         found = max(found, float(np.max((rise - 5 * se)[wide] / span[wide], initial=0.0)))
     return found
+
+
+def _highest_group(folded: Folded) -> float:
+    """Lower bound of the highest level: the highest mean of a few neighbours, less 5 standard errors."""
+    _, level, se = _groups(folded)
+    return float(np.max(level - 5 * se))
+
+
+def _groups(folded: Folded) -> tuple[Floats, Floats, Floats]:
+    """Phase, value and its standard error, of means of a few neighbours in phase."""
+    phase, value, deviation = (_grouped(array, _GROUP) for array in (folded.phase, folded.value, folded.deviation))
+    noise = np.maximum(1.4826 * np.median(np.abs(deviation), axis=1), folded.noise)
+    return phase.mean(axis=1), value.mean(axis=1), noise / np.sqrt(_GROUP)
 
 
 def _widest(folded: Folded, centre: float, max_gap: float) -> _Fit | None:

@@ -1,4 +1,4 @@
-"""Statistics of a camera's time stamps: frame period, jitter, and frames dropped, doubled or out of order."""
+"""Statistics of a camera's time stamps: frame period, jitter, and frames dropped, doubled, repeated or out of order."""
 
 from collections import deque
 
@@ -21,12 +21,17 @@ class FrameTimes:
         self._stamps: deque[int] = deque(maxlen=RECENT)
         self._steps: deque[float] = deque(maxlen=RECENT)
         self._newest: int | None = None
-        self.frames = self.dropped = self.doubled = self.late = 0
+        self.frames = self.dropped = self.doubled = self.repeated = self.late = 0
 
-    def add(self, t_ns: int) -> bool:
-        """Count one frame; False if its stamp is a duplicate."""
+    def add(self, t_ns: int, *, repeated: bool = False) -> bool:
+        """Count one frame; False if its stamp is a duplicate, or its picture that of the frame before (``repeated``):
+        such a frame measures nothing, so it counts neither as a frame nor for the rate.
+        """
         if t_ns in self._stamps:
             self.doubled += 1
+            return False
+        if repeated:
+            self.repeated += 1
             return False
         self.frames += 1
         step_ns = 0 if self._newest is None else t_ns - self._newest

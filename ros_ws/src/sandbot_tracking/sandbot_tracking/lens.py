@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_tracking.calibration import Camera
 from sandbot_tracking.source import Frame, Source
 
 Floats = NDArray[np.float64]
@@ -114,16 +113,32 @@ def picture_size(path: str) -> tuple[int, int] | None:
 
 def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]:
     """Camera centre (3,) [m] and rotation (3, 3) from points seen through a known lens. Raises InputError."""
-    ok, turn, shift = cv2.solvePnP(points_m, pixels, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_SQPNP)
-    if not ok:
-        raise InputError("the points do not determine where the camera stands: spread them over the view")
-    turn, shift = cv2.solvePnPRefineLM(points_m, pixels, lens.matrix, lens.distortion, turn, shift)
+    with _solvable():
+        ok, turn, shift = cv2.solvePnP(points_m, pixels, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_SQPNP)
+        if not ok:
+            raise InputError(_UNDETERMINED)
+        turn, shift = cv2.solvePnPRefineLM(points_m, pixels, lens.matrix, lens.distortion, turn, shift)
     rotation = cv2.Rodrigues(turn)[0]
     return -rotation.T @ shift.ravel(), rotation
 
 
+_UNDETERMINED = "the points do not determine where the camera stands: spread them over the view, in pixels and metres"
+
+
+@contextmanager
+def _solvable() -> Iterator[None]:
+    """Say of points from which OpenCV can solve nothing what is wrong with them."""
+    try:
+        yield
+    except cv2.error:
+        raise InputError(_UNDETERMINED) from None
+
+
 def lens_from_points(pixels: Floats, points_m: Floats, size: tuple[int, int]) -> Lens:
-    """Focal lengths from points in space, with the principal point fixed at the middle and no distortion."""
+    """Focal lengths from points in space, with the principal point fixed at the middle and no distortion.
+
+    Raises InputError.
+    """
     if np.linalg.matrix_rank(points_m - points_m.mean(axis=0), tol=1e-3) < 3:
         raise InputError(
             "all points lie in one plane: give --intrinsics or a chessboard video, or points off the plane"
@@ -134,9 +149,10 @@ def lens_from_points(pixels: Floats, points_m: Floats, size: tuple[int, int]) ->
         cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
         | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
     )  # fmt: skip
-    _, matrix, *_ = cv2.calibrateCamera(
-        [points_m.astype(np.float32)], [pixels.astype(np.float32)], size, start, np.zeros(5), flags=flags
-    )
+    with _solvable():
+        _, matrix, *_ = cv2.calibrateCamera(
+            [points_m.astype(np.float32)], [pixels.astype(np.float32)], size, start, np.zeros(5), flags=flags
+        )
     return Lens(matrix, np.zeros(5))
 
 
@@ -158,7 +174,8 @@ def entry(
     }
 
 
-def reprojection_px(camera: Camera, pixels: Floats, points_m: Floats) -> float:
-    """Root mean square distance between pixels and projected points [px]."""
-    residual = camera.to_pixels(points_m) - pixels
-    return float(np.sqrt((residual**2).sum(axis=1).mean()))
+def misfits_px(pixels: Floats, points_m: Floats, lens: Lens, position_m: Floats, rotation: Floats) -> Floats:
+    """Distances (n,) between pixels and projected points [px]."""
+    turn, shift = cv2.Rodrigues(rotation)[0], -rotation @ position_m
+    seen = cv2.projectPoints(points_m, turn, shift, lens.matrix, lens.distortion)[0][:, 0]
+    return np.asarray(np.linalg.norm(seen - pixels, axis=1), dtype=float)

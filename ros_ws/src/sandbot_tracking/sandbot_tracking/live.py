@@ -29,9 +29,6 @@ Floats = NDArray[np.float64]
 
 MAX_HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""
-MAX_REPEATS = 3
-"""Identical frames in a row from which they are ignored: two frames of a running camera differ in their noise, so the
-camera or its driver repeats an old one."""
 LEG_PATIENCE_NS = NANO // 5
 """How long to wait, after a sample's time, for the leg angle at that time."""
 LEGS_KEPT_NS = NANO
@@ -69,14 +66,20 @@ class View:
         self._last: Frame | None = None
 
     def look(self, t_ns: int, received_ns: int, robot_ns: int | None, pixels: Frame) -> bool:
-        """Register a frame; False if it is a repetition, by its stamp or its pixels."""
-        if not self.times.add(t_ns):
+        """Register a frame; False if it is a repetition, by its stamp or its pixels.
+
+        Two frames of a running camera differ in their noise, even of a robot at rest: identical pixels are an old frame
+        that the camera or its driver sends again.
+        """
+        repeated = self._last is not None and np.array_equal(self._last, pixels)
+        self._last = pixels
+        if not self.times.add(t_ns, repeated=repeated):
+            self.frozen += repeated
             return False
+        self.frozen = 0
         lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
-        self.frozen = self.frozen + 1 if self._last is not None and np.array_equal(self._last, pixels) else 0
-        self._last = pixels
-        return self.frozen < MAX_REPEATS
+        return True
 
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
         """Keep a frame's markers until the clock is known; the oldest are dropped beyond MAX_HELD."""

@@ -71,6 +71,8 @@ def test_a_mount_beside_the_robot_must_be_the_robots(tmp_path):
         ("dorsal: {frame_rate_hz: 250.0, fx: x}", "dorsal: fx: 'x' is not of type float"),
         ("dorsal: {frame_rate_hz: 250.0}\nlateral: 3", "lateral: expected a mapping"),
         ("dorsal: 3", "no camera in it"),
+        ("top: {frame_rate_hz: 50.0}", r"cameras\.yaml: no camera is called 'top'; known: dorsal, lateral"),
+        ("dorsal: {}\nlatteral: {}", "no camera is called 'latteral', did you mean 'lateral'"),
     ],
 )
 def test_cameras_that_say_what_is_none(tmp_path, text, words):

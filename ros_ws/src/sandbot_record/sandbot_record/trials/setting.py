@@ -12,7 +12,7 @@ from sandbot_common.files import parse_yaml, read_yaml, shared_yaml
 from sandbot_common.parameters import given
 from sandbot_common.robot import FILE, Robot, difference, read_robot, robot_from_mapping, robot_from_text
 from sandbot_record.bags.reader import Bag
-from sandbot_tracking.calibration import Camera
+from sandbot_tracking.calibration import Camera, camera_sections
 
 CAMERAS = "cameras.yaml"
 
@@ -71,7 +71,7 @@ def accuracy_of(content: object, where: str) -> Accuracy | None:
 
 
 def _frame_rate(content: Mapping[str, Any], cameras: Path) -> float:
-    sections = {name: section for name, section in content.items() if name != SECTION}
+    sections = camera_sections(content, str(cameras))
     if not any(isinstance(section, Mapping) for section in sections.values()):
         raise InputError(f"{cameras}: no camera in it")
     parsed = [given(Camera, section, f"{cameras}: {name}") for name, section in sections.items()]

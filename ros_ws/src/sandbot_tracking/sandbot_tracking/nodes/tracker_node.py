@@ -171,6 +171,7 @@ def _figures(view: View) -> dict[str, object]:
         "frames": times.frames,
         "dropped": times.dropped,
         "doubled": times.doubled,
+        "repeated": times.repeated,
         "out_of_order": times.late,
         "unplaced": view.unplaced,
         "led_edges": clock.edges,

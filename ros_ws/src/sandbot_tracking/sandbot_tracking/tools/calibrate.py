@@ -8,6 +8,7 @@ folder of images, give lens and focal length; the table then adds the place.
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,10 +31,42 @@ USUAL_SIZE = (640, 480)
 BOARD_DEFAULTS = {"pattern": (9, 6), "square": 0.02}
 CHARUCO_DEFAULTS = {"dictionary": "4X4_50", "marker": 0.75}
 COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
+LEAST_POINTS, FARTHEST_M = 6, 10.0
+LARGEST_RMS = 0.003
+"""Largest reprojection error, as a fraction of the width of the picture (2 of 640 pixels): points are read off to about
+a pixel, while a row with another's pixels, or columns in the wrong order, are off by more."""
+TO_BLAME = 3.0
+"""Factor by which the error falls without the one row that is to blame for it."""
 
 
-def read_table(path: Path) -> tuple[Floats, Floats]:
-    """Pixels (n, 2) and points (n, 3) [m] of a CSV. Raises InputError."""
+@dataclass(frozen=True)
+class Table:
+    """Points in space and where the camera sees them."""
+
+    path: Path
+    rows: tuple[int, ...]
+    """Line numbers in the file."""
+    pixels: Floats
+    """(n, 2)."""
+    points_m: Floats
+    """(n, 3)."""
+
+    def without(self, at: int) -> "Table":
+        """All points but one."""
+        rows = self.rows[:at] + self.rows[at + 1 :]
+        return Table(self.path, rows, np.delete(self.pixels, at, axis=0), np.delete(self.points_m, at, axis=0))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    lens: "Lens"
+    position_m: Floats
+    rotation: Floats
+    rms_px: float
+
+
+def read_table(path: Path) -> Table:
+    """The points of a CSV. Raises InputError."""
     header, numbered = read_csv(path)
     rows = list(numbered)
     if missing := [name for name in COLUMNS if not rows or name not in header]:
@@ -49,9 +82,15 @@ def read_table(path: Path) -> tuple[Floats, Floats]:
                 table[n, column] = np.nan
             if not np.isfinite(table[n, column]):
                 raise InputError(f"{path}: row {number}: {name}: {row[name]!r} is not a number")
-    if len(table) < 6:
-        raise InputError(f"{path}: {len(table)} points, at least 6 are needed")
-    return np.ascontiguousarray(table[:, :2]), np.ascontiguousarray(table[:, 2:])
+            if name.endswith("_m") and abs(table[n, column]) > FARTHEST_M:
+                raise InputError(
+                    f"{path}: row {number}: {name}: {row[name]} is outside [-{FARTHEST_M:g}, {FARTHEST_M:g}] m; "
+                    "divide mm by 1000"
+                )
+    if len(table) < LEAST_POINTS:
+        raise InputError(f"{path}: {len(table)} points, at least {LEAST_POINTS} are needed")
+    numbers = tuple(number for number, _ in rows)
+    return Table(path, numbers, np.ascontiguousarray(table[:, :2]), np.ascontiguousarray(table[:, 2:]))
 
 
 def command(argv: Sequence[str]) -> int:
@@ -80,23 +119,68 @@ def command(argv: Sequence[str]) -> int:
     _set_defaults(given, BOARD_DEFAULTS, ("chessboard", "charuco"))
     _set_defaults(given, CHARUCO_DEFAULTS, ("charuco",))
     _check(given)
-    # Imported only after parsing, so that --help and errors in the options are printed at once.
-    from sandbot_tracking.lens import entry, place, reprojection_px
-
     content = _entries(given.out)
-    pixels, points = read_table(given.table)
+    table = read_table(given.table)
     size = _size(given)
-    lens = _lens(given, pixels, points, size)
-    position, rotation = place(pixels, points, lens)
-    plane = {"normal": "z" if given.name == "dorsal" else "y", "offset_m": given.plane}
-    found = entry(lens, position, rotation, size, plane)
-    found |= {"frame_rate_hz": given.rate} if given.rate is not None else {}
-    camera = camera_from_mapping(found, str(given.table))
-    kept = {key: value for key, value in content.get(given.name, {}).items() if key not in found}
+    fit = _checked_fit(table, _lens(given), size)
+    camera = _camera(given, fit, size)
+    _check_view(camera, table)
+    kept = {key: value for key, value in content.get(given.name, {}).items() if key not in camera}
     with writing(given.out):
-        write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
-    print(f"{given.out}: {given.name}, reprojection error {reprojection_px(camera, pixels, points):.3f} px rms")
+        write_text(given.out, yaml.safe_dump({**content, given.name: {**camera, **kept}}, sort_keys=False))
+    print(f"{given.out}: {given.name}, reprojection error {fit.rms_px:.3f} px rms")
     return 0
+
+
+def _camera(given: Any, fit: _Fit, size: tuple[int, int]) -> dict[str, Any]:
+    """The entry of cameras.yaml."""
+    from sandbot_tracking.lens import entry
+
+    plane = {"normal": "z" if given.name == "dorsal" else "y", "offset_m": given.plane}
+    found = entry(fit.lens, fit.position_m, fit.rotation, size, plane)
+    return found | ({"frame_rate_hz": given.rate} if given.rate is not None else {})
+
+
+def _fit(table: Table, lens: "Lens | None", size: tuple[int, int]) -> _Fit:
+    """The camera that sees the points best; without a lens, they give it too. Raises InputError."""
+    # Imported only after parsing, so that --help and errors in the options are printed at once.
+    from sandbot_tracking.lens import lens_from_points, misfits_px, place
+
+    try:
+        lens = lens or lens_from_points(table.pixels, table.points_m, size)
+        stands = place(table.pixels, table.points_m, lens)
+    except InputError as error:
+        raise InputError(f"{table.path}: {error}") from None
+    misfits = misfits_px(table.pixels, table.points_m, lens, *stands)
+    return _Fit(lens, *stands, float(np.sqrt(np.mean(misfits**2))))
+
+
+def _checked_fit(table: Table, lens: "Lens | None", size: tuple[int, int]) -> _Fit:
+    """``_fit``; raises InputError if no camera sees these points, naming the row that alone is to blame, if one is."""
+    fit, most_px = _fit(table, lens, size), LARGEST_RMS * size[0]
+    if fit.rms_px <= most_px:
+        return fit
+    others = [table.without(at) for at in range(len(table.rows))] if len(table.rows) > LEAST_POINTS else []
+    errors = [_rms_px(other, lens, size) for other in others]
+    said = f"{table.path}: no camera sees these points there: {fit.rms_px:.1f} px rms, {most_px:.1f} at most"
+    if min(errors, default=np.inf) > fit.rms_px / TO_BLAME:
+        raise InputError(f"{said}; are columns exchanged, rows mixed up, or v_px counted upwards?")
+    raise InputError(f"{said}, but {min(errors):.1f} without row {table.rows[int(np.argmin(errors))]}: correct it")
+
+
+def _rms_px(table: Table, lens: "Lens | None", size: tuple[int, int]) -> float:
+    try:
+        return _fit(table, lens, size).rms_px
+    except InputError:
+        return np.inf
+
+
+def _check_view(entry: dict[str, Any], table: Table) -> None:
+    """Raise InputError if the camera does not look at its plane."""
+    camera = camera_from_mapping(entry, str(table.path))
+    if not np.isfinite(camera.to_pixels(camera.to_plane(table.pixels))).all():
+        plane = f"{camera.plane.normal} = {camera.plane.offset_m:g} m"
+        raise InputError(f"{table.path}: the camera found does not look at the plane {plane}: are the axes exchanged?")
 
 
 def _changed(text: str) -> Path:
@@ -167,15 +251,16 @@ def _known_camera(given: Any) -> Camera:
     return cameras[given.name]
 
 
-def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> "Lens":
-    from sandbot_tracking.lens import Board, Lens, lens_from_board, lens_from_points
+def _lens(given: Any) -> "Lens | None":
+    """The lens that a board or --intrinsics gives."""
+    from sandbot_tracking.lens import Board, Lens, lens_from_board
 
     if given.chessboard:
         return lens_from_board(given.chessboard, Board(tuple(given.pattern), given.square))
     if given.charuco:
         return lens_from_board(given.charuco, Board(tuple(given.pattern), given.square, given.dictionary, given.marker))
     if given.intrinsics is None:
-        return lens_from_points(pixels, points, size)
+        return None
     known = _known_camera(given)
     return Lens(known.matrix, np.array(known.distortion))
 
