@@ -186,10 +186,7 @@ class Parameters(Generic[T]):
 
 
 def names_of(endpoints: Sequence[Any]) -> list[str]:
-    """The names of the nodes behind publishers or subscriptions, each once.
-
-    Of two nodes of one name, one was killed (DDS forgets it after 20 s) or is about to be refused (``Health``).
-    """
+    """The names of the nodes behind publishers or subscriptions, each once."""
     return sorted({str(endpoint.node_name) for endpoint in endpoints})
 
 
@@ -197,7 +194,8 @@ class Health:
     """Publishes a node's key figures on /diagnostics five times a second, which is also its sign of life.
 
     ``sole``: of several nodes of its name only the oldest stays (``refused`` tells the younger ones why they must end,
-    and ``run`` ends them): a second clock or bed would command the same legs and the same air.
+    and ``run`` ends them): a second clock or bed would command the same legs and the same air. Create it before the
+    node's other publishers: one that publishes without it is not ours (``Rivals``).
     """
 
     def __init__(
@@ -320,6 +318,8 @@ def run(
                         health.publish()
                     _await_last_messages(node)
                     end_timers(node)
+                    for outlet in reversed(list(node.publishers)):  # health last, see ``Rivals``
+                        node.destroy_publisher(outlet)
                     node.destroy_node()
                 rclpy.try_shutdown()
         return 0
