@@ -1,4 +1,5 @@
 import os
+import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -92,3 +93,16 @@ def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():
     assert told.startswith("-c: error: ROS does not start: ")
     assert "/dev/null/log" in told
     assert told.endswith("; ROS_LOG_DIR can name a folder that you may write to")
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_who_was_told_to_end_ignores_ctrl_c_while_it_leaves(asked):
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with node.stop_signals() as stop:
+            for _ in range(6 * asked):
+                signal.raise_signal(signal.SIGINT)
+        assert stop.asked is asked
+        assert signal.getsignal(signal.SIGINT) == (signal.SIG_IGN if asked else before)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -412,7 +412,10 @@ class Stop:
 
 @contextmanager
 def stop_signals() -> Iterator[Stop]:
-    """Ctrl-C, kill and a closed terminal request an orderly end; no effect outside the main thread."""
+    """Ctrl-C, kill and a closed terminal request an orderly end; no effect outside the main thread.
+
+    Afterwards a process that was asked ignores Ctrl-C: typed again, it would end the exit with another code.
+    """
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -423,7 +426,7 @@ def stop_signals() -> Iterator[Stop]:
         yield stop
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if stop.asked and number == signal.SIGINT else handler)
 
 
 def _refuse_unknown(node: Node, where: str) -> None:
