@@ -122,7 +122,7 @@ def test_beside_another_commander_no_bed_is_prepared_and_its_air_is_not_called_o
     bed.until(lambda: bed.stages[-1] == "failed" and bed.level == 0 and bed.text == both)
     assert (bed.prepare().success, bed.prepare().message) == (False, both)
     aborted = bed.call("/bed/abort")
-    assert (aborted.success, aborted.message) == (False, f"nothing to abort, {both}")
+    assert (aborted.success, aborted.message) == (False, f"nothing to abort, but {both}")
     stranger.communicate()
     bed.until(lambda: bed.prepare().success)
     assert bed.call("/bed/abort").message == "aborted, air off"

@@ -223,7 +223,7 @@ class BedNode(Node):
         busy = self._protocol.command.stage.busy
         self._obey(self._protocol.abort("aborted by /bed/abort"))
         done, rivals = "aborted" if busy else "nothing to abort", self._rivals.fault()
-        response.success, response.message = not rivals, f"{done}, {rivals or 'air off'}"
+        response.success, response.message = not rivals, f"{done}, but {rivals}" if rivals else f"{done}, air off"
         return response
 
     def _figures(self) -> Mapping[str, object]:
