@@ -54,6 +54,18 @@ def test_a_namesake_that_reports_no_health_is_a_rival(names, silent, fault):
     assert command_node.Rivals(Graph(*names, silent=silent), topics.LEG_SETPOINTS).fault() == fault
 
 
+def test_one_of_ours_that_ends_during_a_look_is_no_rival():
+    graph, looks = Graph("clock", "clock"), []
+
+    def of_topic(topic):
+        looks.append(topic)
+        return [endpoint(process, "clock") for process in range(2 if len(looks) == 1 else 1)]
+
+    graph.get_publishers_info_by_topic = of_topic
+    assert command_node.Rivals(graph, topics.LEG_SETPOINTS).fault() == ""
+    assert looks == ["leg_setpoints", "diagnostics", "leg_setpoints"]
+
+
 def test_a_node_that_publishes_twice_is_no_second_one():
     graph = Graph("driver", silent=[0])
     graph.count_publishers = lambda _: 2

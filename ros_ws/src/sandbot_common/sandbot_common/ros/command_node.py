@@ -71,23 +71,23 @@ class Rivals:
         return self._fault
 
     def _look(self, topic: topics.Topic) -> str:
-        name = topic.relative
-        if self._node.count_publishers(name) < 2:  # ten times cheaper than getting their names
+        if self._node.count_publishers(topic.relative) < 2:  # ten times cheaper than getting their names
             return ""
-        found = [one for one in self._node.get_publishers_info_by_topic(name) if one.node_name != NAMELESS]
-        names, processes = names_of(found), {_process(one) for one in found}
+        found = self._publishing(topic)
+        names = sorted({name for _, name in found})
         if len(names) > 1:
             return f"{' and '.join(names)} both publish {topic.name}"
-        if len(processes) < 2:
+        if len(found) < 2:
             return ""
-        # DDS announces publishers in order, and ours create that of their health first, and destroy it last.
-        ours = {_process(one) for one in self._node.get_publishers_info_by_topic(topics.DIAGNOSTICS.relative)}
-        return "" if processes <= ours else f"two nodes named {names[0]} publish {topic.name}"
+        # DDS announces publishers in order, and ours create that of their health first, and destroy it last: one that
+        # ends during these looks is gone from the third.
+        strangers = (found - self._publishing(topics.DIAGNOSTICS)) & self._publishing(topic)
+        return f"two nodes named {names[0]} publish {topic.name}" if strangers else ""
 
-
-def _process(endpoint: Any) -> bytes:
-    """The DDS participant of a publisher, that is its process: the first 12 bytes of the GUID (RTPS 2.3, 9.3.1)."""
-    return bytes(endpoint.endpoint_gid[:12])
+    def _publishing(self, topic: topics.Topic) -> set[tuple[bytes, str]]:
+        """Process and name of each node that publishes: the GUID's first 12 bytes are the process (RTPS 2.3, 9.3.1)."""
+        found = self._node.get_publishers_info_by_topic(topic.relative)
+        return {(bytes(one.endpoint_gid[:12]), one.node_name) for one in found if one.node_name != NAMELESS}
 
 
 class Command:
