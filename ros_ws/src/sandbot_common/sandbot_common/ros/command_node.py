@@ -17,6 +17,11 @@ LEGS, AIR, NOTHING = "legs", "air", "nothing"
 """What a lease lets begin, after the name in its frame_id, e.g. "campaign legs"; anything, if it does not say."""
 
 
+PASSING_S = 0.1
+"""For less than this one of our nodes, as it comes or goes, publishes without reporting its health: their publishers
+are created and destroyed one after the other, health first and last."""
+
+
 class Partners:
     """Other nodes of this host as processes: one that is gone or frozen is detected before its lease runs out.
 
@@ -62,12 +67,14 @@ class Rivals:
     def __init__(self, node: Node, *sole: topics.Topic) -> None:
         self._node, self._sole = node, sole
         self._looked_s, self._fault = -math.inf, ""
+        self._seen_s: dict[str, dict[tuple[bytes, str], float]] = {}
 
     def fault(self) -> str:
         """E.g. "a and b both publish /leg_setpoints"; an empty string while each topic has at most one publisher."""
         now_s = time.monotonic()
         if now_s - self._looked_s >= LOOK_S:
-            self._looked_s, self._fault = now_s, next(filter(None, map(self._look, self._sole)), "")
+            self._looked_s = now_s
+            self._fault = next(filter(None, map(self._look, self._sole)), "")
         return self._fault
 
     def _look(self, topic: topics.Topic) -> str:
@@ -79,10 +86,11 @@ class Rivals:
             return f"{' and '.join(names)} both publish {topic.name}"
         if len(found) < 2:
             return ""
-        # DDS announces publishers in order, and ours create that of their health first, and destroy it last: one that
-        # ends during these looks is gone from the third.
-        strangers = (found - self._publishing(topics.DIAGNOSTICS)) & self._publishing(topic)
-        return f"two nodes named {names[0]} publish {topic.name}" if strangers else ""
+        strangers, seen_s = found - self._publishing(topics.DIAGNOSTICS), self._seen_s.get(topic.name, {})
+        self._seen_s[topic.name] = {one: seen_s.get(one, self._looked_s) for one in strangers}
+        if all(self._looked_s - since_s < PASSING_S for since_s in self._seen_s[topic.name].values()):
+            return ""
+        return f"two nodes named {names[0]} publish {topic.name}"
 
     def _publishing(self, topic: topics.Topic) -> set[tuple[bytes, str]]:
         """Process and name of each node that publishes: the GUID's first 12 bytes are the process (RTPS 2.3, 9.3.1)."""
