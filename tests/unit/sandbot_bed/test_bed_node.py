@@ -107,6 +107,27 @@ def test_prepares_refuses_beside_moving_legs_and_aborts(bed):
     bed.until(lambda: bed.level == 0)
 
 
+def test_beside_another_commander_no_bed_is_prepared_and_its_air_is_not_called_off(bed, beside, domain):
+    program = (
+        "import rclpy, sys; from std_msgs.msg import Float64; rclpy.init(); one = rclpy.create_node('stranger');"
+        "print('ready', flush=True); input(); air = one.create_publisher(Float64, '/bed/blower', 1); sys.stdin.read()"
+    )
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    stranger = subprocess.Popen([sys.executable, "-c", program], text=True, **pipes)
+    assert stranger.stdout.readline() == "ready\n"
+    assert bed.prepare().success
+    stranger.stdin.write("\n")
+    stranger.stdin.flush()
+    both = "bed and stranger both publish /bed/blower"
+    bed.until(lambda: bed.stages[-1] == "failed" and bed.level == 0 and bed.text == both)
+    assert (bed.prepare().success, bed.prepare().message) == (False, both)
+    aborted = bed.call("/bed/abort")
+    assert (aborted.success, aborted.message) == (False, f"nothing to abort, but {both}")
+    stranger.communicate()
+    bed.until(lambda: bed.prepare().success)
+    assert bed.call("/bed/abort").message == "aborted, air off"
+
+
 def test_the_air_goes_off_with_the_node(bed):
     assert bed.prepare().success
     bed.until(lambda: bed.level > 0)

@@ -30,7 +30,7 @@ def bed(monkeypatch):
     """A bed's node at rest whose every stage is kept; it has been held up for ten seconds."""
     one = object.__new__(BedNode)
     stages = []
-    one._settings = one._command = one._phi = one._status = one._health = one._hardware = Silent()
+    one._settings = one._command = one._rivals = one._phi = one._status = one._health = one._hardware = Silent()
     one._protocol, one._air_stops, one._reported = PulseProtocol(BedParameters()), {}, ""
     one._legs_moved_s = one._status_s = -float("inf")
     one._step_s, one._standstill = time.monotonic() - 10.0, Standstill()

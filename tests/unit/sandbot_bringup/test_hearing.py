@@ -25,7 +25,7 @@ class Node:
         return len(self.publishers.get(name, ["one"]))
 
     def get_publishers_info_by_topic(self, name):
-        return [SimpleNamespace(node_name=node) for node in self.publishers.get(name, ["one"])]
+        return [SimpleNamespace(node_name=node, endpoint_gid=[0]) for node in self.publishers.get(name, ["one"])]
 
 
 @pytest.fixture
@@ -116,4 +116,29 @@ def test_a_driver_whose_cable_is_out_ends_the_trial(hearing, driver):
     hearing._on_diagnostics(messages.diagnostics(1, driver, {}, level=2, text="the device gives no frames"))
     assert hearing.fault() == f"the {driver} has lost its device: the device gives no frames"
     hearing._on_diagnostics(messages.diagnostics(1, driver, {}))
+    assert not hearing.fault()
+
+
+def test_legs_that_somebody_else_moves_end_the_trial(hearing):
+    tell_legs(hearing, 8.0)
+    assert hearing.fault() == "legs move that the campaign did not start (/leg_states)"
+    hearing.may_move = True
+    assert not hearing.fault()
+    hearing.forget_trial()
+    assert hearing.fault()
+    tell_legs(hearing, 0.0)
+    assert not hearing.fault()
+
+
+@pytest.mark.parametrize(("stage", "number"), [("fluidise", "5"), ("ready", "5"), ("idle", "4")])
+def test_a_bed_that_somebody_else_prepares_ends_the_trial(hearing, stage, number):
+    def reports(stage, number):
+        hearing._on_bed(messages.diagnostics(1, "bed", {"stage": stage, "preparation": number}))
+        return hearing.fault()
+
+    assert not reports("pulse", "4")
+    hearing.prepared = "ready", "4"
+    assert not reports("ready", "4")
+    assert reports(stage, number) == f"the bed is in {stage}, which the campaign did not ask for (/bed/status)"
+    hearing.forget_trial()
     assert not hearing.fault()

@@ -68,6 +68,7 @@ def operator(refused="", plan=PLAN):
     one = object.__new__(Operator)
     one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
     one._bed, one._found = plan.bed_protocol, {}
+    one._lease, one._commanding = None, False
     one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
 
@@ -122,6 +123,28 @@ def test_only_a_bed_that_is_ready_with_the_preparation_that_was_asked_for_is_pre
         return
     with pytest.raises(TrialFailed, match="the bed was not prepared"):
         one._prepare_bed()
+
+
+def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
+    """A request does not name its sender: clock and bed go by the lease."""
+    one, said, asked = operator(), [], {}
+    one.desk, one._allowed, one._commanding = SimpleNamespace(enter=lambda _: None), "nothing", True
+    one.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1))
+    one.get_name = lambda: "campaign"
+    one._lease = SimpleNamespace(publish=lambda message: said.append(message.frame_id), wait_for_all_acked=lambda _: 1)
+    one._wait = lambda condition, _: condition()
+    one._hearing = SimpleNamespace(
+        statuses=Hearing.statuses, bed_preparation="", bed_stage="failed", bed_text="no height", motion_start_ns=None
+    )
+    one._orders.call = lambda name, *_: asked.update({name: said[-1:]})
+    with pytest.raises(TrialFailed):
+        one._walk(TRIAL)
+    with pytest.raises(TrialFailed, match="no height"):
+        one._prepare_bed()
+    assert asked == {"/clock/home": [], "/clock/start": ["campaign legs"], "/bed/prepare": ["campaign air"]}
+    one._renewed_s = 0.0
+    one._renew(1.0)
+    assert said[-1] == "campaign nothing"
 
 
 def test_who_was_held_up_until_just_now_is_asked_again():

@@ -1,5 +1,6 @@
 import dataclasses
 import os
+import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -168,3 +169,16 @@ def test_who_is_older_whatever_another_program_says(values, older):
     health = node.Health.__new__(node.Health)
     health._process, health._since_ns = "here 1 100", 5
     assert health._is_older(values) is older
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_who_was_told_to_end_ignores_ctrl_c_while_it_leaves(asked):
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with node.stop_signals() as stop:
+            for _ in range(6 * asked):
+                signal.raise_signal(signal.SIGINT)
+        assert stop.asked is asked
+        assert signal.getsignal(signal.SIGINT) == (signal.SIG_IGN if asked else before)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -81,7 +81,7 @@ def test_a_commander_whose_name_is_forgotten_is_no_second_one(turn, monkeypatch)
     """DDS forgets of one that was killed first his name, then that he published."""
     holders = ["_NODE_NAME_UNKNOWN_", "campaign"]
     monkeypatch.setattr(command_node, "names_of", lambda _: holders)
-    command = command_node.Command(turn.node, 1.0)
+    command = command_node.Command(turn.node, 1.0, command_node.LEGS)
     command._on_renewal(SimpleNamespace(frame_id="campaign"))
     assert command.begin(1.0) == ""
     assert "did not renew" not in command.lost()
@@ -91,3 +91,22 @@ def test_a_commander_whose_name_is_forgotten_is_no_second_one(turn, monkeypatch)
     holders[:] = ["_NODE_NAME_UNKNOWN_"]
     command._heard_s = -math.inf
     assert command.begin(1.0).startswith("somebody commands the trackway and does not renew")
+
+
+@pytest.mark.parametrize(
+    ("frame_id", "legs_begin"),
+    [("campaign", True), ("campaign legs", True), ("campaign air", False), ("campaign nothing", False)],
+)
+def test_only_what_the_lease_lets_begin_begins(turn, monkeypatch, frame_id, legs_begin):
+    holders = ["campaign"]
+    monkeypatch.setattr(command_node, "names_of", lambda _: holders)
+    command = command_node.Command(turn.node, 1.0, command_node.LEGS)
+    command._on_renewal(SimpleNamespace(frame_id=frame_id))
+    refusal = command.begin(1.0)
+    assert bool(refusal) is not legs_begin
+    assert legs_begin or refusal == f"campaign commands the trackway and lets {frame_id.split()[1]} begin; end it first"
+    # What began goes on with every renewal, whatever it lets begin.
+    command._on_renewal(SimpleNamespace(frame_id="campaign nothing"))
+    assert not command.lost()
+    holders.clear()
+    assert not command.begin(1.0)  # the campaign is gone, a person commands by hand

@@ -12,6 +12,7 @@ import pytest
 from rig import setpoints
 
 from sandbot_common import messages, topics
+from sandbot_common.lease import Lease
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_common.ros import node
 from sandbot_lab.nodes.lab_node import LabNode
@@ -175,6 +176,25 @@ def test_legs_obey_nobody_while_two_command_them():
         lab._on_setpoint(messages.joint_state(1, topics.LEGS, np.ones(6), np.full(6, rate), np.ones(6)))
     assert alarms == ["legs stopped: clock and replay both publish /leg_setpoints"]
     assert (lab._standing, lab._legs_lapsed, lab._refused) == (True, True, 2)
+
+
+def test_air_obeys_nobody_while_two_command_it_and_then_only_after_a_level_of_zero():
+    lab, alarms = object.__new__(LabNode), []
+    lab._blowers = SimpleNamespace(fault=lambda: lab.rivals)
+    lab._partners, lab._air, lab._health = SimpleNamespace(begin=lambda _: None), Lease(60.0), SimpleNamespace()
+    lab._air_lapsed, lab._air_stops, lab._blower, lab.rivals, lab._alarm = False, 0, 0.0, "", alarms.append
+    lab._pass_time, lab._bed = lambda: None, SimpleNamespace(set_blower=lambda _: None)
+
+    def blows(level):
+        lab._on_blower(messages.float64(level))
+        return lab._blower
+
+    assert blows(0.5) == 0.5
+    lab.rivals = "bed and stranger both publish /bed/blower"
+    assert [blows(level) for level in (0.7, 0.0, 0.7)] == [0.0] * 3
+    assert (alarms, lab._air_stops) == (["air off: bed and stranger both publish /bed/blower"], 1)
+    lab.rivals = ""
+    assert [blows(level) for level in (0.7, 0.0, 0.7)] == [0.0, 0.0, 0.7]
 
 
 def test_legs_that_come_in_mid_gait_move_when_they_have_been_told_rest(lab, beside, heard):

@@ -91,7 +91,8 @@ MODEL_SPEED = Topic("/model/speed", "geometry_msgs/msg/TwistWithCovarianceStampe
 MODEL_SPEED_MEAN = Topic("/model/speed/mean", "std_msgs/msg/Float64")
 MODEL_ERROR = Topic("/model/error", "std_msgs/msg/Float64")
 OPERATOR_LEASE = Topic("/operator/lease", "std_msgs/msg/Header", depth=1, deadline_s=0.25)
-"""Renewed by the commander of bed and clock (a campaign), named in frame_id; without it they stop by themselves."""
+"""Renewed by the commander of bed and clock (a campaign); without it they stop by themselves. frame_id: its name, and
+what it lets begin if not anything, e.g. "campaign legs" (``command_node``)."""
 TRIAL = Topic("/trial", "std_msgs/msg/String", latched=True, depth=1)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 

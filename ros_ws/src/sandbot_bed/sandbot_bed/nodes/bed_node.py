@@ -5,8 +5,9 @@
 
 Interlock: a preparation is refused while legs are commanded to move or report that they do, and fails if they begin to;
 a silent or absent robot does not prevent one. It fails, too, if its commander (a campaign) does not renew
-/operator/lease, or if the node itself was held up: air that nobody watches is turned off. And it fails if the blower's
-driver has turned the air off by itself: the bed then had less air than commanded.
+/operator/lease, or if the node itself was held up: air that nobody watches is turned off. And it fails if another node
+publishes /bed/blower, or the blower's driver has turned the air off by itself: the bed then had other air than
+commanded.
 """
 
 import math
@@ -90,6 +91,8 @@ class BedNode(Node):
         self._settings = node.Parameters(self, BedParameters, self._on_change)
         settings = self._settings.current
         self._protocol = PulseProtocol(settings)
+        self._health = node.Health(self, self._figures, sole=True)
+        self._rivals = command_node.Rivals(self, topics.BED_BLOWER)
         self._hardware: BedHardware = (
             TopicHardware(self)
             if driver is None
@@ -100,8 +103,7 @@ class BedNode(Node):
         for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES):
             # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
             node.subscription(self, topic, partial(self._on_legs, topic.name), best_effort=True)
-        self._command = command_node.Command(self, settings.lease_s)
-        self._health = node.Health(self, self._figures, sole=True)
+        self._command = command_node.Command(self, settings.lease_s, command_node.AIR)
         # Air stops by driver node, now and when the preparation began.
         self._air_stops: dict[str, str] = {}
         self._air_stops_before: dict[str, str] = {}
@@ -140,7 +142,7 @@ class BedNode(Node):
             return f"legs began to move ({self._motion_topic}) while the bed was being prepared"
         if (late_s := now_s - self._step_s) > self._settings.current.lease_s:
             return f"the bed node was held up for {late_s:.2g} s"
-        return self._air_stopped or self._command.lost()
+        return self._rivals.fault() or self._air_stopped or self._command.lost()
 
     @property
     def _air_stopped(self) -> str:
@@ -169,9 +171,7 @@ class BedNode(Node):
     def _on_new_stage(self, command: Command) -> None:
         self._reported = f"{command.stage} {command.reason}"
         real_time_while(command.stage.busy, PRIORITY)
-        failed = command.stage is Stage.FAILED
-        self._health.level, self._health.text = (2, command.reason) if failed else (0, "ok")
-        if failed:
+        if command.stage is Stage.FAILED:
             self.get_logger().error(f"preparation failed: {command.reason}")
         if command.stage is Stage.READY:
             self._phi.publish(messages.float64(command.phi))
@@ -203,7 +203,7 @@ class BedNode(Node):
             response.message = f"legs move ({self._motion_topic}); call /clock/stop first"
             return response
         just_begun = "" if self._health.settled else "this bed has only just begun; ask again in a second"
-        refusal = just_begun or self._standstill.refusal(time.monotonic())
+        refusal = just_begun or self._standstill.refusal(time.monotonic()) or self._rivals.fault()
         if reason := refusal or self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response
@@ -222,11 +222,14 @@ class BedNode(Node):
     def _on_abort(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         busy = self._protocol.command.stage.busy
         self._obey(self._protocol.abort("aborted by /bed/abort"))
-        response.success, response.message = True, "aborted, air off" if busy else "nothing to abort, air off"
+        done, rivals = "aborted" if busy else "nothing to abort", self._rivals.fault()
+        response.success, response.message = not rivals, f"{done}, but {rivals}" if rivals else f"{done}, air off"
         return response
 
     def _figures(self) -> Mapping[str, object]:
         command = self._protocol.command
+        why = self._rivals.fault() or (command.reason if command.stage is Stage.FAILED else "")
+        self._health.level, self._health.text = (2, why) if why else (0, "ok")
         return {
             "stage": command.stage.value,
             "blower": command.blower,

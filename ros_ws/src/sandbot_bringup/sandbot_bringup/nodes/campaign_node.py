@@ -7,12 +7,13 @@ at once.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
+from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -36,6 +37,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
+from sandbot_common.ros.command_node import AIR, LEGS, NOTHING
 from sandbot_common.ros.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -51,6 +53,8 @@ PRIORITY = 5
 """Real-time priority while it commands, below the clock's; also that of the threads that receive its messages."""
 RENEW_S = 0.02
 """Period of the lease's renewal: a dozen renewals before the clock takes it for lost."""
+HEARD_S = 1.0
+"""How long to wait until all obeying nodes have received what may begin; it takes milliseconds unless one is frozen."""
 EXPLAIN_S = 0.7
 """How long to wait for an explanation after legs have come to rest unasked."""
 LEAVE_S = 2.0
@@ -120,13 +124,13 @@ class Operator(Node):
         self.hold_services = HoldServices(self, self.hold)
         self._executor = EventsExecutor()
         self._executor.add_node(self)
+        self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._trial = publisher(self, topics.TRIAL)
         self._lease: Publisher | None = None
-        self._commanding, self._renewed_s = False, -math.inf
+        self._commanding, self._renewed_s, self._allowed = False, -math.inf, NOTHING
         self._running = ""
         self._recorder: RecorderProcess | None = None
         self._hearing = Hearing(self, silence_s, RENEW_S)
-        self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._orders = Orders(self, self._wait)
         self._found: dict[str, dict[str, Any]] = {}
         self._bed = plan.bed_protocol
@@ -259,19 +263,23 @@ class Operator(Node):
         self.desk.enter("preparing the bed")
         bed = self._hearing
         asked = Preparation(bed.bed_preparation)
-        self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
+        with self._allowing(AIR):
+            self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
         done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage), BED_S)
         if bed.bed_stage == Stage.IDLE:
             self._stopped_by_hand(bed.bed_text)
         if not done or bed.bed_stage != Stage.READY:
             raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
+        bed.prepared = bed.bed_stage, bed.bed_preparation
 
     def _walk(self, trial: PlannedTrial) -> None:
         legs, before = self._hearing, self._hearing.statuses["tracker"].values
         duration_s = self._plan.duration_s(trial.omega_rad_s)
         # Once more: somebody may have set another ω while the bed was prepared, but the row will have the plan's.
         self._set_gait(trial)
-        self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
+        legs.may_move = True
+        with self._allowing(LEGS):
+            self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
@@ -292,6 +300,18 @@ class Operator(Node):
         self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
         if fault := camera_fault(before, self._hearing.statuses["tracker"].values):
             raise TrialFailed(fault)
+
+    @contextmanager
+    def _allowing(self, what: str) -> Iterator[None]:
+        """Context in which legs or air may begin: by the lease, so that nobody else's request starts anything."""
+        self._allowed, self._renewed_s = what, -math.inf
+        self._renew(time.monotonic())
+        try:
+            if (lease := self._lease) is not None:
+                self._wait(lambda: lease.wait_for_all_acked(Duration()), HEARD_S)
+            yield
+        finally:
+            self._allowed = NOTHING
 
     def _await_last_frame(self, last_ns: int) -> None:
         """Wait for frames that the tracker still processes: milliseconds, or seconds on a busy machine."""
@@ -390,4 +410,5 @@ class Operator(Node):
         # From this loop, not from a thread: a stuck campaign must not command.
         if self._commanding and self._lease is not None and now_s - self._renewed_s >= RENEW_S:
             self._renewed_s = now_s
-            self._lease.publish(messages.header(self.get_clock().now().nanoseconds, self.get_name()))
+            says = f"{self.get_name()} {self._allowed}"
+            self._lease.publish(messages.header(self.get_clock().now().nanoseconds, says))

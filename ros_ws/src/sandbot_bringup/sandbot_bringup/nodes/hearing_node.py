@@ -50,6 +50,10 @@ class Hearing:
         self.leg_time_ns: int | None = None
         self.motion_start_ns: int | None = None
         self.speed_ns = 0
+        self.may_move = False
+        """Whether the campaign has asked for motion in this trial."""
+        self.prepared: tuple[str, str] | None = None
+        """Stage and preparation with which the bed was left to the walk; None before."""
         self._silence_s = silence_s
         self._supervisor, self._listening = Supervisor(), Listening(2 * turn_s)
         self._neighbours = Neighbours()
@@ -84,6 +88,7 @@ class Hearing:
     def forget_trial(self) -> None:
         """Discard the state of the last trial."""
         self.bed_stage, self.motion_start_ns = "", None
+        self.may_move, self.prepared = False, None
 
     def require(self, names: Sequence[str]) -> None:
         """From now on these nodes, and the bed's status, are vital."""
@@ -157,9 +162,20 @@ class Hearing:
             return f"the {unplugged[0]}"
         if rivals := self.rivals.fault():
             return rivals
+        if unasked := self._unasked:
+            return unasked
         # A stopped clock is rightly silent, and has said why; the robot's reports may lag behind it.
         silent = self._supervisor.silent(self.now_s)
         return silent and (self.clock_fault or self._listening.held_up or f"the {silent}")
+
+    @property
+    def _unasked(self) -> str:
+        """What somebody else has legs or bed do; an empty string if nothing."""
+        if self.reports_motion and not self.may_move:
+            return f"legs move that the campaign did not start ({topics.LEG_STATES.name})"
+        if self.prepared not in (None, (self.bed_stage, self.bed_preparation)):
+            return f"the bed is in {self.bed_stage}, which the campaign did not ask for ({topics.BED_STATUS.name})"
+        return ""
 
     @property
     def clock_fault(self) -> str:

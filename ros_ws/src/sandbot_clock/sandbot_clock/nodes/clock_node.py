@@ -35,7 +35,7 @@ from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 from sandbot_common.ros import node
-from sandbot_common.ros.command_node import Command, Rivals
+from sandbot_common.ros.command_node import LEGS, Command, Rivals
 from sandbot_common.ros.timer import Timer, watched
 
 # Long enough to hear whether a bed's air is on before legs move by themselves.
@@ -54,12 +54,13 @@ class ClockNode(Node):
         self._settings = node.Parameters(self, ClockParameters, self._check)
         file = self._settings.current.robot
         self._robot_used = read_robot(file) if file else SANDBOT
+        self._health = node.Health(self, self._figures, sole=True)
         self._setpoints = node.publisher(self, topics.LEG_SETPOINTS)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
         node.subscription(self, topics.TRIAL, self._on_trial)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
-        self._command = Command(self, self._settings.current.lease_s)
+        self._command = Command(self, self._settings.current.lease_s, LEGS)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
         self._legs: PhaseClock | None = None  # None: at home in whatever gait the next start has
@@ -69,7 +70,6 @@ class ClockNode(Node):
         self._late_ns: deque[int] = deque(maxlen=2000)
         self._published = self._published_before = self._missed = 0
         self._real_time = False
-        self._health = node.Health(self, self._figures, sole=True)
         self._standstill = watched(self)
         self.create_service(Trigger, "clock/start", self._on_start)
         self.create_service(Trigger, "clock/stop", self._on_stop)
@@ -113,9 +113,8 @@ class ClockNode(Node):
             return "the clock is running already"
         if self._air_on:
             return f"the bed's air is on (/bed/blower is {self._blower:g}); legs move only when it is 0"
-        names = node.names_of(self.get_publishers_info_by_topic(topics.LEG_SETPOINTS.relative))
-        if len(names) > 1:
-            return f"{' and '.join(names)} both publish {topics.LEG_SETPOINTS.name}; one commander at a time"
+        if rivals := self._rivals.fault():
+            return f"{rivals}; one commander at a time"
         return self._command.begin(wanted.lease_s)
 
     def stop(self) -> None:

@@ -198,10 +198,7 @@ class Parameters(Generic[T]):
 
 
 def names_of(endpoints: Sequence[Any]) -> list[str]:
-    """The names of the nodes behind publishers or subscriptions, each once.
-
-    Of two nodes of one name, one was killed (DDS forgets it after 20 s) or is about to be refused (``Health``).
-    """
+    """The names of the nodes behind publishers or subscriptions, each once."""
     return sorted({str(endpoint.node_name) for endpoint in endpoints})
 
 
@@ -209,7 +206,8 @@ class Health:
     """Publishes a node's key figures on /diagnostics five times a second, which is also its sign of life.
 
     ``sole``: of several nodes of its name only the oldest stays (``refused`` tells the younger ones why they must end,
-    and ``run`` ends them): a second clock or bed would command the same legs and the same air.
+    and ``run`` ends them): a second clock or bed would command the same legs and the same air. Create it before the
+    node's other publishers: one that publishes without it is not ours (``Rivals``).
     """
 
     def __init__(
@@ -331,6 +329,8 @@ def run(
                         health.publish()
                     _await_last_messages(node)
                     end_timers(node)
+                    for outlet in reversed(list(node.publishers)):  # health last, see ``Rivals``
+                        node.destroy_publisher(outlet)
                     node.destroy_node()
                 rclpy.try_shutdown()
         return 0
@@ -423,7 +423,10 @@ class Stop:
 
 @contextmanager
 def stop_signals() -> Iterator[Stop]:
-    """Ctrl-C, kill and a closed terminal request an orderly end; no effect outside the main thread."""
+    """Ctrl-C, kill and a closed terminal request an orderly end; no effect outside the main thread.
+
+    Afterwards a process that was asked ignores Ctrl-C: typed again, it would end the exit with another code.
+    """
     stop = Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -434,7 +437,7 @@ def stop_signals() -> Iterator[Stop]:
         yield stop
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if stop.asked and number == signal.SIGINT else handler)
 
 
 def _convert_given(node: Node, cls: type, where: str) -> None:

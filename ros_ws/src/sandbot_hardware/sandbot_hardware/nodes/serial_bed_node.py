@@ -1,7 +1,7 @@
 """The bed on a serial line: /bed/blower out, /bed/height in.
 
 Air is leased: if no /bed/blower arrives for air_lease_s, the air is turned off, and stays off until a /bed/blower of 0
-has been received. The bed's controller has the same watchdog.
+has been received. Of two commanders neither is obeyed. The bed's controller has the same watchdog.
 """
 
 import time
@@ -14,7 +14,7 @@ from std_msgs.msg import Float64
 from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
 from sandbot_common.ros import node
-from sandbot_common.ros.command_node import Partners
+from sandbot_common.ros.command_node import Partners, Rivals
 from sandbot_common.ros.timer import Timer
 from sandbot_hardware import lines
 from sandbot_hardware.lines import Line
@@ -35,10 +35,11 @@ class SerialBed(Node):
         self._lease, self._level = Lease(self._given.air_lease_s), 0.0
         self._watchdog = self._stops = self._blown_since = 0
         self._partners, self._lapsed = Partners(self), False
+        self._rivals = Rivals(self, topics.BED_BLOWER)
+        self._health = node.Health(self, self._figures, sole=True)
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning)
-        self._health = node.Health(self, self._figures, sole=True)
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
@@ -50,8 +51,11 @@ class SerialBed(Node):
         self._lease.renew(time.monotonic())
         # NaN is off.
         level = message.data if 0.0 <= message.data <= 1.0 else 0.0
-        # Nothing resumes by itself: stopped air can come on again only after a commanded level of 0.
-        self._lapsed = self._lapsed and level > 0.0
+        rivals = self._rivals.fault()
+        if rivals and self._level > 0.0:
+            self._end_air(rivals)
+        # Nothing resumes by itself: stopped air can come on again only after a level of 0 from a single commander.
+        self._lapsed = bool(rivals) or (self._lapsed and level > 0.0)
         if self._level <= 0.0 < level:
             self._partners.begin(BED)
         self._blow(0.0 if self._lapsed else level)
@@ -65,11 +69,14 @@ class SerialBed(Node):
 
     def _watch(self) -> None:
         if self._level > 0.0 and (why := self._stopped()):
-            self._lapsed = True
-            self._stops += 1
-            self._blow(0.0)
-            self._health.publish()  # at once: the bed node relies on it
-            self.get_logger().error(f"air off: {why}")
+            self._end_air(why)
+
+    def _end_air(self, why: str) -> None:
+        self._lapsed = True
+        self._stops += 1
+        self._blow(0.0)
+        self._health.publish()  # at once: the bed node relies on it
+        self.get_logger().error(f"air off: {why}")
 
     def _stopped(self) -> str:
         """Why the air must stop; an empty string while it may go on."""
@@ -77,7 +84,7 @@ class SerialBed(Node):
         # the bed had less air than commanded.
         if self._port.trouble or self._port.opened != self._blown_since:
             return self._port.trouble or "the line was lost for a moment"
-        return self._partners.lost(BED, self._lease, f"nothing on {topics.BED_BLOWER.name}")
+        return self._rivals.fault() or self._partners.lost(BED, self._lease, f"nothing on {topics.BED_BLOWER.name}")
 
     def _heard(self, line: Line, received_ns: int) -> None:
         self._watchdog += line.kind == "W"
@@ -87,6 +94,9 @@ class SerialBed(Node):
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health
+        if not self._health.level and (rivals := self._rivals.fault()):
+            # A warning: an error would mean that the line is out.
+            self._health.level, self._health.text = 1, rivals
         return {
             "blower": self._level,
             "damaged": self._port.damaged,

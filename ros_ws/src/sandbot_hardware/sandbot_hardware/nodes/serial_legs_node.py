@@ -54,11 +54,11 @@ class SerialLegs(Node):
         self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock = DeviceClock()
+        self._health = node.Health(self, self._figures, sole=True)
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning)
-        self._health = node.Health(self, self._figures, sole=True)
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:

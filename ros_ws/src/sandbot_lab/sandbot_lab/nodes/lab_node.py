@@ -5,10 +5,10 @@ fraction, and the LED flashes. Frames are taken in the robot's time, t0 + k / fr
 
 Legs and air stop by themselves when their commands are late, as with a real driver: a killed or frozen clock or bed
 can't stop them. They then stay stopped until they have been told to rest or to be off; legs also until /lab/reset. The
-same holds for legs with two commanders, which obey neither, and for legs that join in mid-gait, whose first set-point
-is of a walk more than a turn on. While legs move or air blows the lab has real-time priority where permitted, as a real
-robot needs no CPU to stop. Frames have none while their readers are behind: each waits for the set-points received
-before it, and for its readers, so that a machine too slow for two cameras shows them late, but loses none.
+same holds for legs or air with two commanders, which obey neither, and for legs that join in mid-gait, whose first
+set-point is of a walk more than a turn on. While legs move or air blows the lab has real-time priority where permitted,
+as a real robot needs no CPU to stop. Frames have none while their readers are behind: each waits for the set-points
+received before it, and for its readers, so that a machine too slow for two cameras shows them late, but loses none.
 """
 
 import time
@@ -81,10 +81,12 @@ class LabNode(Node):
         """Whether legs stay at rest until told to rest; None before the first set-point."""
         self._air_lapsed, self._blower = False, 0.0
         self._urgent, self._air_stops = False, 0
-        self._partners, self._rivals = Partners(self), Rivals(self, topics.LEG_SETPOINTS)
+        self._partners = Partners(self)
+        self._rivals, self._blowers = Rivals(self, topics.LEG_SETPOINTS), Rivals(self, topics.BED_BLOWER)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
+        self._health = node.Health(self, self._figures, sole=True)
         self._states = node.publisher(self, topics.LEG_STATES)
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
@@ -98,7 +100,6 @@ class LabNode(Node):
         Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
         Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
         Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
-        self._health = node.Health(self, self._figures, sole=True)
 
     def _check(self, new: LabParameters) -> None:
         fixed = ("world", "cameras", "robot", "seed")
@@ -224,7 +225,7 @@ class LabNode(Node):
         """Stop what is no longer commanded."""
         self._stop_legs()
         silence = f"nothing on {topics.BED_BLOWER.name}"
-        if self._blower > 0 and (why := self._partners.lost(BED, self._air, silence)):
+        if self._blower > 0 and (why := self._blowers.fault() or self._partners.lost(BED, self._air, silence)):
             self._end_air(why)
         if self._urgent != (commanded := not self._standing or self._blower > 0):
             self._urgent = commanded
@@ -248,6 +249,11 @@ class LabNode(Node):
         self.get_logger().error(text)
 
     def _on_blower(self, message: Float64) -> None:
+        if rivals := self._blowers.fault():
+            if self._blower > 0:
+                self._end_air(rivals)
+            self._air_lapsed = True
+            return
         if self._air_lapsed and message.data != 0:
             return  # as with the legs: nothing resumes by itself
         self._air_lapsed = False

@@ -64,6 +64,7 @@ class TrackerNode(Node):
         super().__init__("tracker")
         self._settings = node.Parameters(self, TrackerParameters, _FIXED)
         given = self._settings.current
+        self._health = node.Health(self, self._values, sole=True)
         named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
         self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
         self._latency = Latency(given.latency_budget_s)
@@ -81,7 +82,6 @@ class TrackerNode(Node):
         node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
         self.create_timer(_FOLLOW_S, self._follow)
-        self._health = node.Health(self, self._values, sole=True)
 
     def _input(self, camera: str) -> ImageInput:
         view = topics.VIEWS[camera]
