@@ -36,7 +36,7 @@ from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
-from sandbot_model.discovery.nuisances_in_words import significant
+from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, implausible_k
@@ -334,6 +334,8 @@ def _with_remarks(
         because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
         because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
+    if verdict.status != "untested" and len(search.fits) > 1:
+        because.append(confounded_drift(search.cells))
     return replace(verdict, because="; ".join(filter(None, because)))
 
 
