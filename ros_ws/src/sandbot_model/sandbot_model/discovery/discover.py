@@ -51,7 +51,7 @@ from sandbot_model.discovery.sharing import (
 )
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
-from sandbot_model.discovery.untested import to_run, untested
+from sandbot_model.discovery.untested import plainly_missed, to_run, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -334,7 +334,9 @@ def _with_remarks(
         because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
         because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
-    if verdict.status != "untested" and len(search.fits) > 1:
+    if verdict.status == "untested":
+        because.append(plainly_missed(search.fits[()]))
+    elif len(search.fits) > 1:
         because.append(confounded_drift(search.cells))
     return replace(verdict, because="; ".join(filter(None, because)))
 
