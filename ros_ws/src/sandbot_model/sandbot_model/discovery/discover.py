@@ -50,7 +50,7 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.unseen import unseen
+from sandbot_model.discovery.unseen import Shift, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import plainly_missed, to_run, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
@@ -85,6 +85,8 @@ class Discovery:
     """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
     unseen: tuple[str, ...] = ()
     """If the base model is adequate: effects that these data would not reveal at their usual strength."""
+    unseen_shift: Shift | None = None
+    """The largest shift of Δt that one of these would cause, if it exceeds two of its errors."""
     stages: tuple[StageTest, ...] = ()
     """Tests of each stage of the chain: where the base model fails."""
     residual: SuggestedFormula | None = None
@@ -130,6 +132,7 @@ class Discovery:
             },
             "next_trials": [plain(trial) for trial in self.next_trials],
             "unseen": list(self.unseen),
+            "unseen_shift": None if self.unseen_shift is None else plain(self.unseen_shift),
             "stability": number(self.stability),
             "stages": [plain(stage) for stage in self.stages],
             "residual": None if self.residual is None else plain(self.residual),
@@ -233,8 +236,11 @@ def _discovered(
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
-    trials, out_of_reach = _next_trials(search, verdict, hidden)
+    shift = largest_shift(reported, hidden)
+    trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
+    if shift:
+        verdict = replace(verdict, because=f"{verdict.because}; {shift.in_words(reported)}")
     return Discovery(
         model=base,
         cells=cells,
@@ -245,6 +251,7 @@ def _discovered(
         verdict=verdict,
         next_trials=tuple(trials),
         unseen=not_shown,
+        unseen_shift=shift,
         stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
