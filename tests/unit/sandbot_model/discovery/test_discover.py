@@ -14,8 +14,9 @@ from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.unseen import largest_shift
 from sandbot_model.discovery.verdict import Verdict, judge
-from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.tools import compare as compare_tool
@@ -43,6 +44,26 @@ def test_what_would_not_show_is_listed_so_and_has_no_limit(drawn):
     found = discover(cells_of(drawn(seed=5)), effects, max_effects=1)
     assert found.unseen == ("depth_nonlinearity",)
     assert [limit.effect for limit in found.limits] == ["stance_overlap"]
+    shift = found.to_dict()["unseen_shift"]
+    assert shift["parameters"] == {"depth_nonlinearity.n": 1.2}
+    assert f"if depth_nonlinearity (n = 1.2) is there, Δt is {shift['delta_t_s']:.3f} s, not" in found.verdict.because
+
+
+def test_an_unseen_effect_that_hardly_shifts_the_response_time_is_not_spoken_of(drawn):
+    named = fit(model_of("simple", (), FEW), cells_of(drawn(seed=5)))
+    value, stderr = named.parameters["delta_t_s"]
+    off = {sign: replace_delta_t(named, value + sign * stderr) for sign in (-1.9, 2.1)}
+    assert largest_shift(named, [off[-1.9]]) is None
+    assert largest_shift(named, list(off.values())).delta_t_s == pytest.approx(value + 2.1 * stderr)
+    assert largest_shift(named, []) is None
+
+
+def replace_delta_t(named, delta_t_s):
+    """The fit of an effect with another Δt."""
+    model = model_of("simple", ("stance_overlap",), FEW, held={"stance_overlap.eta": 0.1})
+    theta = np.append(named.point.theta, 0.1)
+    theta[0] = delta_t_s
+    return fitted_at(model, named.cells, dataclasses.replace(named.point, theta=theta))
 
 
 def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_range(monkeypatch, drawn):

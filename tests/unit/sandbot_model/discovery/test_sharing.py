@@ -14,6 +14,7 @@ from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, estimated_batch_sd, nuisances_for
+from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.residual import suggest_formula
 from sandbot_model.discovery.sharing import _refused_if_parts_suffice, nuisances_suffice, refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
@@ -276,6 +277,38 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
     clear &= plain.problem.widening(plain.state.covariance[0]) == 1.0  # no slope is that of a share that walks
     assert clear.any()
     np.testing.assert_allclose(moved[clear] / step, own.slope[clear, :, :7].sum(axis=-1), rtol=0.05, atol=2e-3)
+
+
+def in_order_of(trials, key):
+    """The same trials, run in the order of ``key``."""
+    rows = sorted(trials.rows(), key=key)
+    return cells_of(from_rows([dataclasses.replace(row, run_order=i + 1.0) for i, row in enumerate(rows)]))
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        (lambda row: row.omega_rad_s, "in order of ω, so a drift of the bed looks like a dependence on ω"),
+        (lambda row: -row.phi, "in order of φ, so a drift of the bed looks like part of k(φ)"),
+        (lambda row: (row.replicate, row.speed_m_s * 1e9 % 1), ""),
+        (lambda row: row.speed_m_s * 1e9 % 1, ""),
+    ],
+    ids=["ω", "φ", "blocks", "random"],
+)
+def test_what_a_drift_looks_like_is_said_where_trials_were_run_in_order(drawn, key, told):
+    assert confounded_drift(in_order_of(drawn(levels=4), key)).endswith(told)
+    assert bool(told) == bool(confounded_drift(in_order_of(drawn(levels=4), key)))
+
+
+def test_a_drift_is_sought_from_both_sides_and_other_offsets_are_not(drawn):
+    trials = table(drawn, batch="day{row.omega_rad_s:g}")
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(trials))
+    own = nuisances_for(plain, DEFAULT, BatchSd(0.005))
+    at = own.names.index("drift")
+    np.testing.assert_allclose(own.starts[:, at], [0.0, -DEFAULT.drift, DEFAULT.drift])
+    assert not np.delete(own.starts, at, axis=1).any()
+    unordered = nuisances_for(fit(plain.model, cells_of(drawn(levels=2))), DEFAULT)
+    np.testing.assert_array_equal(unordered.starts, [unordered.initial])
 
 
 def wider(cells, off):

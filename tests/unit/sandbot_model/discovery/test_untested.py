@@ -10,9 +10,10 @@ from sandbot_lab.world import World, null_world
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.untested import repeats, to_run, undetected_miss, untested
+from sandbot_model.discovery.untested import plainly_missed, repeats, to_run, untested
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.goodness import undetected_miss
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, from_rows
@@ -131,9 +132,9 @@ def test_replicates_throughout_are_tested():
 
 
 def test_the_gross_miss_is_that_of_the_f_test():
-    assert undetected_miss(6, DEFAULT) == pytest.approx(2.98, abs=0.01)
-    assert undetected_miss(2, DEFAULT) > 10
-    assert all(undetected_miss(one, DEFAULT) > undetected_miss(one + 1, DEFAULT) for one in range(1, 40))
+    assert undetected_miss(6) == pytest.approx(2.98, abs=0.01)
+    assert undetected_miss(2) > 10
+    assert all(undetected_miss(one) > undetected_miss(one + 1) for one in range(40))
 
 
 def test_error_bars_of_a_figure_are_pure_error():
@@ -172,3 +173,14 @@ def test_where_speed_is_replicated_the_replicates_speak():
     found = from_rows([replace(row, speed_sd_m_s=0.05) for row in rows(null_world(), 3)])
     assert noise_floor(cells_of(found))["speed"] < 0.01
     assert cells_of(found).pure_error_from == "replicates"
+
+
+def test_what_single_trials_show_plainly_is_said():
+    overlap, nothing = World(effects={"stance_overlap": {"eta": 0.2}}), null_world()
+    missed, right = (fit(SIMPLE, cells_of(from_rows(rows(world)))) for world in (overlap, nothing))
+    assert np.isnan(missed.lack_of_fit_p)
+    assert plainly_missed(missed).startswith("body lift is missed by 0.")
+    assert "rms (a trial usually scatters by 0.05)" in plainly_missed(missed)
+    assert plainly_missed(right) == ""
+    slow = replace(right.point, theta=np.where(np.arange(len(right.point.theta)) == 0, 2.0, right.point.theta))
+    assert "delta_t_s = 2 (plausible: 0.1 to 1.2)" in plainly_missed(replace(right, point=slow))

@@ -156,17 +156,23 @@ def test_a_long_name_does_not_run_into_its_value(slipping, monkeypatch):
     assert second.index("cm/s") > second.index(f"{100 * slipping.rmse_m_s:.2f}") == first.index("185")
 
 
-def test_a_model_with_lack_of_fit_is_given_without_standard_errors(slipping):
-    rejected = replace(slipping, goodness=replace(slipping.goodness, lack_of_fit_p=0.9 * LACK_OF_FIT))
+@pytest.mark.parametrize(("p", "known"), [(0.9 * LACK_OF_FIT, 42), (np.nan, 0), (0.5, 5)])
+def test_a_model_that_fails_or_cannot_be_tested_is_given_without_standard_errors(slipping, p, known):
+    rejected = as_tested(slipping, p, known)
     value, stderr = slipping.parameters["delta_t_s"]
     assert f"delta_t_s                   {to_error(value, stderr)} s\n" in repr(rejected)
     assert "±" not in repr(rejected)
     assert rejected.value_text(value, np.nan) == UNDETERMINED
     assert rejected.to_dict()["parameters"] == slipping.to_dict()["parameters"]
-    # Controls: no lack of fit, and none that could be tested.
-    for p in (1.1 * LACK_OF_FIT, np.nan):
-        passing = replace(slipping, goodness=replace(slipping.goodness, lack_of_fit_p=p))
+    # Controls: no lack of fit, and just enough replicates.
+    for passing in (as_tested(slipping, 1.1 * LACK_OF_FIT, 42), as_tested(slipping, 0.5, 6)):
         assert passing.value_text(value, stderr) == with_error(value, stderr)
+
+
+def as_tested(fit, p, known):
+    """A fit with this p of lack of fit and so many degrees of freedom of pure error."""
+    cells = replace(fit.cells, pure_error_dof=np.full(4, known))
+    return replace(fit, cells=cells, goodness=replace(fit.goodness, lack_of_fit_p=p))
 
 
 def test_its_tables_hold_its_numbers(slipping):

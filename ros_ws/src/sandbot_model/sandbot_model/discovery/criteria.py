@@ -6,6 +6,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_common.typed import is_a
+from sandbot_model.fitting.goodness import GROSS
 from sandbot_model.fitting.text import LACK_OF_FIT
 
 
@@ -21,7 +22,7 @@ class Criteria:
     """p-value of the joint lack-of-fit test below which a model is rejected."""
     lack_of_fit_of_one: float = 3e-4
     """The same for the test of each of the four observables."""
-    gross: float = 3.0
+    gross: float = GROSS
     """Misfit of every cell mean, in standard errors, that the lack-of-fit test must be able to detect; if pure error is
     known too poorly for that, the verdict is untested."""
     claim: float = 22.0

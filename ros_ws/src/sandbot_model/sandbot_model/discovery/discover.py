@@ -43,7 +43,7 @@ from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
-from sandbot_model.discovery.nuisances_in_words import significant
+from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, implausible_k
@@ -57,8 +57,8 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.unseen import unseen
-from sandbot_model.discovery.untested import to_run, untested
+from sandbot_model.discovery.unseen import Shift, largest_shift, unseen, without_nuisances
+from sandbot_model.discovery.untested import plainly_missed, to_run, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -95,6 +95,8 @@ class Discovery:
     where the verdict does not name what is best of all sets."""
     unseen: tuple[str, ...] = ()
     """If the base model is adequate: effects that these data would not reveal at their usual strength."""
+    unseen_shift: Shift | None = None
+    """The largest shift of Δt that one of these would cause, if it exceeds two of its errors."""
     stages: tuple[StageTest, ...] = ()
     """Tests of each stage of the chain: where the base model fails."""
     residual: SuggestedFormula | None = None
@@ -143,6 +145,7 @@ class Discovery:
             "next_trials": [plain(trial) for trial in self.next_trials],
             "controls": dict(self.controls),
             "unseen": list(self.unseen),
+            "unseen_shift": None if self.unseen_shift is None else plain(self.unseen_shift),
             "stability": number(self.stability),
             "stages": [plain(stage) for stage in self.stages],
             "residual": None if self.residual is None else plain(self.residual),
@@ -246,9 +249,12 @@ def _discovered(
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
-    trials, out_of_reach = _next_trials(search, verdict, hidden)
+    shift = largest_shift(reported, hidden)
+    trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
+    if shift:
+        verdict = replace(verdict, because=f"{verdict.because}; {shift.in_words(reported)}")
     return Discovery(
         model=base,
         cells=cells,
@@ -260,6 +266,7 @@ def _discovered(
         next_trials=tuple(trials),
         controls=controls,
         unseen=not_shown,
+        unseen_shift=shift,
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
@@ -351,6 +358,10 @@ def _with_remarks(
         because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
         because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
+    if verdict.status == "untested":
+        because.append(plainly_missed(search.fits[()]))
+    elif len(search.fits) > 1:
+        because.append(confounded_drift(search.cells))
     return replace(verdict, because="; ".join(filter(None, because)))
 
 

@@ -177,7 +177,7 @@ def _allowances(found: Fit) -> str:
 def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criteria: Criteria) -> SuggestedFormula:
     found, guess = best.fit, best.guess
     parts = [
-        term.words.format(f"({value:+.3g})" if found.misfits else f"({value:+.3g} ± {error:.2g})")
+        term.words.format(f"({value:+.3g} ± {error:.2g})" if found.errors_hold else f"({value:+.3g})")
         for term, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""

@@ -7,7 +7,7 @@ The search fits every set without nuisances, and ``judge`` draws a first verdict
    of any scatter. The spread of the batches is estimated about the larger set, so that a missing effect is not mistaken
    for scatter of the bed, and the leading sets are refitted with nuisances (priors: ``Criteria``, ``accuracy`` of the
    cameras).
-   a. The claim stands if each of its effects still earns its place.
+   a. The claim stands if each of its effects still earns its place and no other set explains as much.
    b. Otherwise the refitted sets are judged. Their verdict replaces the first if it explains the data with nuisances
       within their priors and with batch offsets that look random (``structure``).
    Either way, an identified effect must explain more than scatter of the bed would; else scatter is assumed instead.
@@ -175,7 +175,7 @@ def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shar
     claimed = len(plain.effects) == size
     batch_sd = _batch_sd_about(search, search.fits[plain.effects] if claimed else _best_plausible(search, size))
     if claimed and (survivor := _if_still_earned(search, plain.effects, batch_sd)):
-        return Shared(plain, search.fits, survivor)
+        return _with_new_rivals(search, plain, size, batch_sd) or Shared(plain, search.fits, survivor)
     found = _base_with_calibration_errors(search, plain, batch_sd)
     found = found or _judged_with_batch_sd(search, plain, size, batch_sd)
     if found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed:
@@ -245,6 +245,16 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
     if plain.status == "adequate" != verdict.status:
         return None
     return Shared(_with_nuisances(verdict, plain, named, batch_sd, search.criteria), fits, named)
+
+
+def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
+    """The verdict with nuisances if it names sets that the claim does not; else None.
+
+    Where trials were run in order of ω, a drift may be all that a rival lacks. Scatter of the bed lets any rival fit,
+    so a claim that needs it is not compared again.
+    """
+    found = None if batch_sd else _judged_with_batch_sd(search, plain, size, batch_sd)
+    return found if found and set(found.verdict.alternatives) - set(plain.alternatives) else None
 
 
 def _if_still_earned(search: EffectSearch, names: Names, batch_sd: BatchSd) -> Fit | None:

@@ -6,19 +6,23 @@ import numpy as np
 
 from sandbot_model.data.clustering import OMEGA_TOLERANCE
 from sandbot_model.data.conditions import Cells
-from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.next_trials import NextTrial, known_gait
-from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.discovery.verdict import Verdict, doubtful_values
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import undetected_miss
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.text import counted
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import CM, Observable, usual_noise
 
 CONDITIONS, MORE = 6, 2
 """Conditions to repeat or to add, and degrees of freedom of pure error that each of them gives."""
 SCATTER_OR_MISS = ("scatter of replicates", "a miss of the model")
 """What repetitions separate."""
+PLAINLY = 2.0
+"""Misfit, in usual standard deviations of a trial, that replicates will probably confirm."""
 
 
 def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
@@ -29,7 +33,7 @@ def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
         means, unknowns = counted(problem.values, "cell mean"), counted(problem.fitted, "parameter")
         where = f"{max(CONDITIONS, missing)} new conditions"
         return _verdict(f"{means} can't test the {unknowns} of the base model; {MORE + 1} trials at each of {where}")
-    if known and (passing := undetected_miss(known, criteria)) <= criteria.gross:
+    if (passing := undetected_miss(known, criteria.lack_of_fit)) <= criteria.gross:
         return None
     what = (
         f"{cells.pure_error_from} give {counted(known, 'degree')} of freedom of pure "
@@ -38,6 +42,20 @@ def untested(cells: Cells, model: Model, criteria: Criteria) -> Verdict | None:
         else f"{_no_replicates(cells)}, so pure error is unknown and nothing can be tested"
     )
     return _verdict(f"{what}; {MORE} more trials at each of {counted(min(CONDITIONS, len(cells)), 'condition')}")
+
+
+def plainly_missed(fit: Fit) -> str:
+    """What a model that can't be tested misses by far more than a trial usually scatters, and its implausible values;
+    empty if there is nothing."""
+    usual = dict(zip(Observable, CM * usual_noise(fit.cells.accuracy), strict=True))
+    missed = {observable: CM * fit.goodness.rmse[observable.name] for observable in Observable}
+    found = [
+        f"{at.label} is missed by {missed[at]:.2g} {at.readers_unit} rms (a trial usually scatters by {usual[at]:.2g})"
+        for at in Observable
+        if missed[at] > PLAINLY * usual[at]
+    ]
+    found += [doubtful_values(fit)] if fit.implausible and not fit.undetermined else []
+    return f"{'; '.join(found)}: expect lack of fit" if found else ""
 
 
 def _verdict(why: str) -> Verdict:
@@ -63,14 +81,6 @@ def _no_error_bars(cells: Cells) -> str:
         "the error bars of the speed are those of measuring a single trial, for their rows have a replicate number "
         "or n_trials 1 (a row that is the mean of a condition has none)"
     )
-
-
-def undetected_miss(known: int, criteria: Criteria) -> float:
-    """Miss of every cell mean, in standard errors, that just passes with ``known`` degrees of freedom of pure error.
-
-    The lack-of-fit F test with many cells: F(p; ∞, ν) = ν/χ²(p; ν).
-    """
-    return float(np.sqrt(known / chi2_ppf(criteria.lack_of_fit, known)))
 
 
 def to_run(cells: Cells, model: Model) -> list[NextTrial]:

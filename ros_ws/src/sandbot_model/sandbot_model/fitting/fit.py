@@ -54,9 +54,10 @@ class Fit(Fitted):
         return f"{counted(self.problem.values, 'cell mean')} can't determine {self.problem.fitted} parameters"
 
     @property
-    def misfits(self) -> bool:
-        """Whether the model shows lack of fit: its standard errors then have no meaning."""
-        return self.lack_of_fit_p < LACK_OF_FIT
+    def errors_hold(self) -> bool:
+        """Whether standard errors have a meaning: a test able to reveal a gross lack of fit has been passed."""
+        tested = goodness.undetected_miss(int(self.cells.pure_error_dof.max())) <= goodness.GROSS
+        return tested and self.lack_of_fit_p >= LACK_OF_FIT
 
     @property
     def out_of_sample(self) -> str:
@@ -181,10 +182,10 @@ class Fit(Fitted):
         return f"{value:.4g}, held" if name in self.model.held else self.value_text(value, stderr)
 
     def value_text(self, value: float, stderr: float) -> str:
-        """A fitted value ± standard error, or only rounded to it if the model ``misfits``; "not determined" unless
+        """A fitted value ± standard error, or only rounded to it unless ``errors_hold``; "not determined" unless
         there are more cell means than unknowns."""
         text = UNDETERMINED if self.undetermined else with_error(value, stderr)
-        return to_error(value, stderr) if self.misfits and text != UNDETERMINED else text
+        return text if self.errors_hold or text == UNDETERMINED else to_error(value, stderr)
 
 
 def scored(*fits: Fit) -> str:

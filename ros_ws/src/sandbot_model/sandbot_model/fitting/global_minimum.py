@@ -306,8 +306,9 @@ def _descended(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float
     thetas = [_warm_starts(problem.model, near) for near in starts_at]
     theta = np.concatenate(thetas)
     ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), [len(rows) for rows in thetas], axis=0)
-    low, high = bounds(problem)
-    begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
+    (low, high), bed = bounds(problem), problem.bed_starts
+    theta, ln_k, bed = np.tile(theta, (len(bed), 1)), np.tile(ln_k, (len(bed), 1)), np.repeat(bed, len(theta), axis=0)
+    begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k), bed)
     # Every k is adjusted to the new effect before the rows are compared.
     return descend(problem, begin, 2 * FIRST_ITERATIONS, hopeless=hopeless).lowest()
 

@@ -7,18 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
+from sandbot_model.data.distributions import chi2_ppf, chi2_sf, f_isf, f_sf
 from sandbot_model.data.pure_error import FEW_REPLICATES, effective_dof
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
 from sandbot_model.fitting.states import States
+from sandbot_model.fitting.text import LACK_OF_FIT
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
 
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
+GROSS = 3.0
+"""Misfit of every cell mean, in standard errors, that the joint test must be able to detect."""
 AT_BOUND = 1e-3
 PLAUSIBLE_SIGMAS, FAR_OUT = 3.0, 0.25
 
@@ -124,6 +127,14 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     if dof < 1 or error_dof < 1:
         return float("nan")
     return float(f_sf(chi2 / dof, dof, error_dof))
+
+
+def undetected_miss(known: int, p: float = LACK_OF_FIT) -> float:
+    """Miss of every cell mean, in standard errors, that just passes with ``known`` degrees of freedom of pure error.
+
+    The lack-of-fit F test with many cells: F(p; ∞, ν) = ν/χ²(p; ν). Infinite without pure error.
+    """
+    return float(np.sqrt(known / chi2_ppf(p, known))) if known else float("inf")
 
 
 def excess_of_few_replicates(z: Array, cells: Cells) -> float:

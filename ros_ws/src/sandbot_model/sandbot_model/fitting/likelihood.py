@@ -131,6 +131,12 @@ class Problem:
         shared = self.shared(states)
         return shared if self.nuisances is None else np.where(self.nuisances.moves_k, shared, np.nan)
 
+    @property
+    def bed_starts(self) -> Array:
+        """Nuisances ``(rows, nuisances)`` from which a search begins, NaN for those of the readings."""
+        own = self.nuisances
+        return np.zeros((1, 0)) if own is None else np.where(own.moves_k, own.starts, np.nan)
+
     def moved(self, shared: Array) -> Array:
         """Change of the cells' ln k due to the nuisances ``(rows, cells)``."""
         if self.nuisances is None:

@@ -46,6 +46,16 @@ class Nuisances:
         return np.asarray(self.by_ln_k.any(axis=0))
 
     @cached_property
+    def starts(self) -> Array:
+        """Values ``(rows, m)`` from which a search begins: the initial ones, also with trends of k shifted by their sd.
+
+        Trials run in order of ω may leave a drift behind a switch to swimming, where no slope leads to it.
+        """
+        trends = (self.by_ln_k < 0).any(axis=0) & (self.by_ln_k > 0).any(axis=0)
+        shifts = (0.0, -1.0, 1.0) if trends.any() else (0.0,)
+        return np.asarray(self.initial + np.outer(shifts, np.where(trends, self.sd, 0.0)))
+
+    @cached_property
     def of_readings(self) -> tuple[Array, Array]:
         """Prior standard deviations ``(n,)`` and slopes ``(cells, 4, n)`` of the zero offsets and scale errors."""
         return self.sd[~self.moves_k], np.ascontiguousarray(self.slope[..., ~self.moves_k])

@@ -13,8 +13,8 @@ UNKNOWN = "not known"
 UNDETERMINED = "not determined"
 """Shown for a parameter whose error the data do not determine."""
 LACK_OF_FIT = 5e-3
-"""p-value of the joint test below which a model is rejected, and its parameters are given without standard errors."""
-NO_ERROR = "no standard error where the model shows lack of fit"
+"""p-value of the joint test below which a model is rejected."""
+NO_ERROR = "no standard error where the model shows lack of fit or can't be tested"
 WIDTH = 100
 """Greatest width of a line of text [columns]."""
 

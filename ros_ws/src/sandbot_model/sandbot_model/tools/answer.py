@@ -115,4 +115,4 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
         owner, _, parameter = full.rpartition(".")
         value = fit.value_text(*estimate)
         if owner == name and value != UNDETERMINED:
-            yield f"{parameter} = {value}{unit_and_doc[parameter]}{f'; {NO_ERROR}' if fit.misfits else ''}"
+            yield f"{parameter} = {value}{unit_and_doc[parameter]}{'' if fit.errors_hold else f'; {NO_ERROR}'}"

@@ -66,7 +66,7 @@ def parameters(fit: Fit) -> str:
     rows = [["parameter", "value", ""]]
     for name, estimate in fit.estimates():
         rows.append([name, estimate, _remark(fit, name, estimate)])
-    return table(rows) + (f"\n{NO_ERROR}" if fit.misfits else "")
+    return table(rows) + ("" if fit.errors_hold else f"\n{NO_ERROR}")
 
 
 def _remark(fit: Fit, name: str, estimate: str) -> str:
