@@ -307,8 +307,7 @@ ACCELERATION, RESPONSE = ("exact_vertical_acceleration",), ("phi_dependent_respo
 
 @pytest.mark.parametrize(("drift", "seed", "rivals"), [(-0.03, 20, {RESPONSE}), (0.0, 220, set())])
 def test_a_claim_does_not_hide_what_fits_as_well_with_a_drift(monkeypatch, drift, seed, rivals):
-    """In order of ω, k falls by 3 %: without a drift another effect than the true one fits, with it both do.
-    In random order nothing changes."""
+    """In order of ω, k falls by 3 %: without a drift only another effect than the true one fits, with it both do."""
     walker, ground, rows = Walker((catalogue()[ACCELERATION[0]],)), _drawn.GROUND, []
     for day, omega in enumerate((6, 11, 16, 20, 24)):
         drifted = KCurve(ground.phi, ground.k_n_per_m * (1 + drift * day / 4))
