@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+import _drawn
 from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd
@@ -23,6 +24,7 @@ from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.walking import KCurve, Walker
 from sandbot_record.trials.table import from_rows
 
 OVERLAP = {name: effect for name, effect in catalogue().items() if name == "stance_overlap"}
@@ -298,6 +300,24 @@ def in_order_of(trials, key):
 def test_what_a_drift_looks_like_is_said_where_trials_were_run_in_order(drawn, key, told):
     assert confounded_drift(in_order_of(drawn(levels=4), key)).endswith(told)
     assert bool(told) == bool(confounded_drift(in_order_of(drawn(levels=4), key)))
+
+
+ACCELERATION, RESPONSE = ("exact_vertical_acceleration",), ("phi_dependent_response",)
+
+
+@pytest.mark.parametrize(("drift", "seed", "rivals"), [(-0.03, 20, {RESPONSE}), (0.0, 220, set())])
+def test_a_claim_does_not_hide_what_fits_as_well_with_a_drift(monkeypatch, drift, seed, rivals):
+    """In order of ω, k falls by 3 %: without a drift only another effect than the true one fits, with it both do."""
+    walker, ground, rows = Walker((catalogue()[ACCELERATION[0]],)), _drawn.GROUND, []
+    for day, omega in enumerate((6, 11, 16, 20, 24)):
+        drifted = KCurve(ground.phi, ground.k_n_per_m * (1 + drift * day / 4))
+        monkeypatch.setattr(_drawn, "GROUND", drifted)
+        rows += _drawn.drawn(walker, [{}], [0.59, 0.61, 0.63], (omega,), 3, seed + day).rows()
+    offered = {name: effect for name, effect in catalogue().items() if (name,) in (ACCELERATION, RESPONSE)}
+    key = (lambda row: row.omega_rad_s) if drift else (lambda row: row.speed_m_s * 1e9 % 1)
+    found = discover(in_order_of(from_rows(rows), key), offered, max_effects=1).verdict
+    assert set(found.alternatives) == {ACCELERATION, *rivals}
+    assert ("would be identified: phi_dependent_response" in found.because) == bool(rivals)
 
 
 def test_a_drift_is_sought_from_both_sides_and_other_offsets_are_not(drawn):

@@ -7,7 +7,8 @@ The search fits every set without nuisances, and ``judge`` draws a first verdict
    of any scatter. The spread of the batches is estimated about the larger set, so that a missing effect is not mistaken
    for scatter of the bed, and the leading sets are refitted with nuisances (priors: ``Criteria``, ``accuracy`` of the
    cameras).
-   a. The claim stands if each of its effects still earns its place and no other set explains as much.
+   a. The claim stands if each of its effects still earns its place and, if trials were run in order of ω or φ, no other
+      set explains as much.
    b. Otherwise the refitted sets are judged. Their verdict replaces the first if it explains the data with nuisances
       within their priors and with batch offsets that look random (``structure``).
    Either way, an identified effect must explain more than scatter of the bed would; else scatter is assumed instead.
@@ -36,7 +37,7 @@ from sandbot_model.discovery.batch_sd import (
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for
-from sandbot_model.discovery.nuisances_in_words import WORDS, significant
+from sandbot_model.discovery.nuisances_in_words import WORDS, confounded_drift, significant
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import (
     Verdict,
@@ -248,12 +249,13 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
 
 
 def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
-    """The verdict with nuisances if it names sets that the claim does not; else None.
+    """The verdict with nuisances if trials were run in order and it names sets that the claim does not; else None.
 
-    Where trials were run in order of ω, a drift may be all that a rival lacks. Scatter of the bed lets any rival fit,
-    so a claim that needs it is not compared again.
+    In order of ω, a drift may be all that a rival lacks. Scatter of the bed lets any rival fit, so a claim that needs
+    it is not compared again.
     """
-    found = None if batch_sd else _judged_with_batch_sd(search, plain, size, batch_sd)
+    ordered = not batch_sd and confounded_drift(search.cells)
+    found = None if not ordered else _judged_with_batch_sd(search, plain, size, batch_sd)
     return found if found and set(found.verdict.alternatives) - set(plain.alternatives) else None
 
 
