@@ -171,6 +171,13 @@ def test_who_is_older_whatever_another_program_says(values, older):
     assert health._is_older(values) is older
 
 
+@pytest.mark.parametrize(("earlier_ns", "older"), [(0, False), (1000, True)])
+def test_no_node_is_older_than_itself(earlier_ns, older):
+    health = node.Health.__new__(node.Health)
+    health._process, health._since_ns = "", 1795999802423893281
+    assert health._is_older({"since_ns": str(health._since_ns - earlier_ns)}) is older
+
+
 @pytest.mark.parametrize("asked", [True, False])
 def test_who_was_told_to_end_ignores_ctrl_c_while_it_leaves(asked):
     before = signal.getsignal(signal.SIGINT)

@@ -112,10 +112,10 @@ def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
         (["--robot", "absent.yaml"], "absent.yaml: no such file"),
         (["--robot", "mm.yaml"], "say leg_radius_m (values divided by 1000)"),
         (["--cameras", "absent.yaml"], "absent.yaml: no such file"),
-        (["--cameras", "big.yaml"], "no camera in it"),
+        (["--cameras", "big.yaml"], "no camera is called 'leg_radius_m'; known: dorsal, lateral"),
         (["--cameras", "wrong.yaml"], "wrong.yaml: accuracy: unknown key 'lift'"),
         (["--penetrometer", "absent.csv"], "absent.csv: no such file"),
-        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and one row"),
+        (["--penetrometer", "t.csv"], "t.csv: row 1: columns phi, depth_m, force_n or phi, k_n_per_m are needed"),
     ],
 )
 def test_files_that_are_none_are_refused_in_one_line(folder, served, capsys, command, options, words):

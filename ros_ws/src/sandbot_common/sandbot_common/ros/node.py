@@ -265,7 +265,8 @@ class Health:
         if len(ours) == len(theirs) == 3 and ours[0] == theirs[0] and ours[2] != theirs[2]:
             # Same host: start times count from its boot, so setting the system clock does not change them.
             return number_or_nan(theirs[2]) < int(ours[2])
-        return number_or_nan(values.get(_SINCE)) < self._since_ns
+        # Both as floats, to whose precision a node is not older than itself.
+        return number_or_nan(values.get(_SINCE)) < float(self._since_ns)
 
 
 def use_shared_memory(*, frames: bool) -> None:

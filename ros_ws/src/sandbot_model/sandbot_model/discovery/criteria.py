@@ -6,8 +6,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_common.typed import is_a
-from sandbot_model.fitting.goodness import GROSS
-from sandbot_model.fitting.text import LACK_OF_FIT
+from sandbot_model.fitting.text import GROSS, LACK_OF_FIT
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
 from sandbot_model.fitting.text import (
+    GROSS,
     LACK_OF_FIT,
     UNDETERMINED,
     WIDTH,
@@ -56,7 +57,7 @@ class Fit(Fitted):
     @property
     def errors_hold(self) -> bool:
         """Whether standard errors have a meaning: a test able to reveal a gross lack of fit has been passed."""
-        tested = goodness.undetected_miss(int(self.cells.pure_error_dof.max())) <= goodness.GROSS
+        tested = goodness.undetected_miss(int(self.cells.pure_error_dof.max())) <= GROSS
         return tested and self.lack_of_fit_p >= LACK_OF_FIT
 
     @property

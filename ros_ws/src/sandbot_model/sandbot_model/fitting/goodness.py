@@ -20,8 +20,6 @@ from sandbot_model.physics.observables import NAMES
 
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
-GROSS = 3.0
-"""Misfit of every cell mean, in standard errors, that the joint test must be able to detect."""
 AT_BOUND = 1e-3
 PLAUSIBLE_SIGMAS, FAR_OUT = 3.0, 0.25
 

@@ -14,6 +14,8 @@ UNDETERMINED = "not determined"
 """Shown for a parameter whose error the data do not determine."""
 LACK_OF_FIT = 5e-3
 """p-value of the joint test below which a model is rejected."""
+GROSS = 3.0
+"""Misfit of every cell mean, in standard errors, that the joint test must be able to detect."""
 NO_ERROR = "no standard error where the model shows lack of fit or can't be tested"
 WIDTH = 100
 """Greatest width of a line of text [columns]."""
