@@ -142,3 +142,17 @@ def test_a_bed_that_somebody_else_prepares_ends_the_trial(hearing, stage, number
     assert reports(stage, number) == f"the bed is in {stage}, which the campaign did not ask for (/bed/status)"
     hearing.forget_trial()
     assert not hearing.fault()
+
+
+def test_a_second_bed_that_is_about_to_be_refused_changes_nothing(hearing, node):
+    def reports(stage, number):
+        hearing._on_bed(messages.diagnostics(1, "bed", {"stage": stage, "preparation": number}))
+        return hearing.fault()
+
+    reports("ready", "4")
+    hearing.prepared = "ready", "4"
+    node.publishers[topics.BED_STATUS.relative] = ["bed", "bed"]
+    assert not reports("idle", "0")
+    node.publishers.clear()
+    assert not hearing.fault()
+    assert reports("idle", "0")

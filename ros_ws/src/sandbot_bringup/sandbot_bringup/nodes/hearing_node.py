@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -55,6 +56,7 @@ class Hearing:
         self.prepared: tuple[str, str] | None = None
         """Stage and preparation with which the bed was left to the walk; None before."""
         self._silence_s = silence_s
+        self._count_beds = partial(node.count_publishers, topics.BED_STATUS.relative)
         self._supervisor, self._listening = Supervisor(), Listening(2 * turn_s)
         self._neighbours = Neighbours()
         self.rivals = Rivals(node, *topics.MEASURED)
@@ -202,8 +204,10 @@ class Hearing:
         self._heard("bed", topics.BED_STATUS)
         for status in message.status:
             values = messages.values_of(status)
-            self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
-            self.bed_preparation = values.get("preparation", "")
+            said = values.get("stage", self.bed_stage), values.get("preparation", "")
+            if self.prepared not in (None, said) and self._count_beds() > 1:
+                continue  # of a second bed, of a second launch, which is about to be refused
+            (self.bed_stage, self.bed_preparation), self.bed_text = said, status.message
             self.bed_height_m = number_or_nan(values.get("height_m"))
 
     def _on_height(self, _: bytes) -> None:
