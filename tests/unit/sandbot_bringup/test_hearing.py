@@ -144,15 +144,17 @@ def test_a_bed_that_somebody_else_prepares_ends_the_trial(hearing, stage, number
     assert not hearing.fault()
 
 
-def test_a_second_bed_that_is_about_to_be_refused_changes_nothing(hearing, node):
+@pytest.mark.parametrize("prepared", [None, ("ready", "4")])
+def test_a_second_bed_that_is_about_to_be_refused_changes_nothing(hearing, node, prepared):
     def reports(stage, number):
         hearing._on_bed(messages.diagnostics(1, "bed", {"stage": stage, "preparation": number}))
-        return hearing.fault()
+        return hearing.bed_stage, hearing.bed_preparation
 
-    reports("ready", "4")
-    hearing.prepared = "ready", "4"
+    assert reports("ready", "4") == ("ready", "4")
+    hearing.prepared = prepared
     node.publishers[topics.BED_STATUS.relative] = ["bed", "bed"]
-    assert not reports("idle", "0")
-    node.publishers.clear()
+    assert reports("idle", "0") == ("ready", "4")
     assert not hearing.fault()
-    assert reports("idle", "0")
+    assert reports("fluidise", "5") == ("fluidise", "5")
+    node.publishers.clear()
+    assert reports("idle", "0") == ("idle", "0")

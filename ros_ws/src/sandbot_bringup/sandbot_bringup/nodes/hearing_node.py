@@ -204,10 +204,10 @@ class Hearing:
         self._heard("bed", topics.BED_STATUS)
         for status in message.status:
             values = messages.values_of(status)
-            said = values.get("stage", self.bed_stage), values.get("preparation", "")
-            if self.prepared not in (None, said) and self._count_beds() > 1:
-                continue  # of a second bed, of a second launch, which is about to be refused
-            (self.bed_stage, self.bed_preparation), self.bed_text = said, status.message
+            if values.get("preparation") == "0" and self._count_beds() > 1:
+                continue  # of a second bed, of a second launch, which has prepared nothing and is about to be refused
+            self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
+            self.bed_preparation = values.get("preparation", "")
             self.bed_height_m = number_or_nan(values.get("height_m"))
 
     def _on_height(self, _: bytes) -> None:
