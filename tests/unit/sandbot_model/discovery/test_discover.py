@@ -142,7 +142,7 @@ def test_twins_are_ambiguous(drawn):
     assert found.verdict.status == "ambiguous"
     assert {("leg_slip",), ("cable_drag",)} <= set(found.verdict.alternatives)
     assert set(found.controls) == {"leg_slip", "cable_drag"}
-    assert "apart by these observables, controls do: " in found.verdict.because
+    assert "apart by these observables; control experiments do: " in found.verdict.because
     assert f"cable_drag ({FEW['cable_drag'].control})" in found.verdict.because
     assert found.to_dict()["controls"] == found.controls
 
@@ -166,7 +166,7 @@ def test_controls_are_asked_for_where_no_trial_distinguishes_what_is_left(sets, 
     if controls is None:
         assert said.startswith("most telling: speed at φ 0.600")
     elif controls:
-        assert said.endswith(f"controls do: {', '.join(f'{name} ({FEW[name].control})' for name in controls)}")
+        assert said.endswith(f"control experiments do: {', '.join(f'{name} ({FEW[name].control})' for name in controls)}")
     else:
         assert said.endswith("another kind is needed")
 

@@ -461,7 +461,7 @@ def _most_discriminating(trials: Sequence[NextTrial], search: EffectSearch, verd
     telling = _telling(trials, search.criteria)
     if not telling:
         controls = ", ".join(f"{name} ({control})" for name, control in _controls(search, verdict).items())
-        of_another_kind = f", controls do: {controls}" if controls else ": another kind is needed"
+        of_another_kind = f"; control experiments do: {controls}" if controls else ": another kind is needed"
         return f"no trial within this range of φ and ω tells them apart by these observables{of_another_kind}"
     best = telling[0]
     gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
