@@ -166,7 +166,7 @@ def test_controls_are_asked_for_where_no_trial_distinguishes_what_is_left(sets, 
     if controls is None:
         assert said.startswith("most telling: speed at φ 0.600")
     elif controls:
-        assert said.endswith(f"control experiments do: {', '.join(f'{name} ({FEW[name].control})' for name in controls)}")
+        assert said.endswith(f"experiments do: {', '.join(f'{name} ({FEW[name].control})' for name in controls)}")
     else:
         assert said.endswith("another kind is needed")
 
