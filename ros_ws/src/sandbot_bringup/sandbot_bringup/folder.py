@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
-from sandbot_common.files import check_output, sync, write_text, writing
+from sandbot_common.files import check_output, in_the_way, sync, write_text, writing
 from sandbot_record.bags.reader import is_bag
 
 PATIENCE_S = 3.0
@@ -112,7 +112,7 @@ class CampaignFolder:
                 raise InputError(
                     f"{self.path}: budget: {plan.max_trials} trials are fewer than the {planned} planned already"
                 )
-        elif blocking := next((path for path in (self.path, *self.path.parents) if path.is_file()), None):
+        elif blocking := in_the_way(self.path):
             what = "is a file" if blocking == self.path else f"{blocking} is a file"
             raise InputError(f"{self.path}: {what}; give another --out")
         elif self.path.exists() and any(item != self.truth.parent for item in self.path.iterdir()):

@@ -109,9 +109,13 @@ def writing(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: can't be written: {error.strerror}") from None
 
 
+def in_the_way(path: Path) -> Path | None:
+    """The file that stands where ``path`` or a folder above it is needed; None if there is none."""
+    return next((each for each in (path, *path.parents) if each.is_file()), None)
+
+
 def _in_the_way(path: Path) -> str:
-    """Which file stands where a folder is needed; empty if none does."""
-    blocking = next((each for each in (path, *path.parents) if each.is_file()), None)
+    blocking = in_the_way(path)
     return f"{blocking} is a file, a folder is needed" if blocking else ""
 
 

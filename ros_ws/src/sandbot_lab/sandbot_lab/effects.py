@@ -218,13 +218,12 @@ def checked_effect(name: object, given: object, where: str) -> dict[str, float]:
         given = {}
     if not isinstance(given, dict):
         raise InputError(f"{where}: {name}: expected a mapping of parameters, got {given!r}")
-    known = {parameter.name: parameter for parameter in EFFECTS[name].parameters}
     values = EFFECTS[name].defaults()
-    of_catalogue = {parameter.catalogue: parameter for parameter in known.values() if parameter.catalogue}
+    named = {word: one for one in EFFECTS[name].parameters for word in (one.name, one.catalogue) if word}
     for key, value in given.items():
-        if key not in known and key not in of_catalogue:
-            raise InputError(f"{where}: {name}: unknown parameter {key!r}{did_you_mean(str(key), known)}")
-        parameter = known.get(key) or of_catalogue[key]
+        if key not in named:
+            raise InputError(f"{where}: {name}: unknown parameter {key!r}{did_you_mean(str(key), values)}")
+        parameter = named[key]
         if key != parameter.name and parameter.name in given:
             raise InputError(f"{where}: {name}: {key} and {parameter.name} are the same; give one")
         if key == parameter.catalogue and isinstance(value, float | int):

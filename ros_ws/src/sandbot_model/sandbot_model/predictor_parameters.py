@@ -14,10 +14,10 @@ from sandbot_common.parameters import parameter
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_from_mapping
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.model import USUAL_K, model_of
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.predictor import Predictor, predictor
 from sandbot_model.physics.variants import with_variants
-from sandbot_model.physics.walking import BASES
+from sandbot_model.physics.walking import BASES, USUAL_K
 
 _PHI, _K = tuple(USUAL_K.phi.tolist()), tuple(USUAL_K.k_n_per_m.tolist())
 

@@ -160,9 +160,9 @@ def test_twins_are_ambiguous(drawn):
 )
 def test_controls_are_asked_for_where_no_trial_distinguishes_what_is_left(sets, gap, controls):
     effects = {**FEW, "boost": SimpleNamespace(control="")}
-    search, verdict = SimpleNamespace(effects=effects, criteria=DEFAULT), Verdict("ambiguous", sets[0], sets, "")
+    search, verdict = SimpleNamespace(effects=effects), Verdict("ambiguous", sets[0], sets, "")
     trials = [NextTrial(0.6, 9.0, "speed", ("a", "b"), gap, 2)]
-    said = discovering._most_discriminating(trials, search, verdict)
+    said = discovering._most_discriminating(trials, discovering._controls(search, verdict), DEFAULT)
     if controls is None:
         assert said.startswith("most telling: speed at φ 0.600")
     elif controls:

@@ -40,9 +40,9 @@ def mean_of_columns(settings: Floats, values: Floats) -> int | None:
     ``values (n, m)``, and chance does not explain it.
     """
     columns = np.concatenate([settings, values], axis=1)
-    step, misses = _steps(columns), _misses(columns, _steps(columns))
+    step = _steps(columns)
+    misses, chance = _misses(columns, step), _chance(step, _sd(columns))
     for row in (len(columns) - 1, 0) if len(columns) >= LEAST_ROWS else ():
-        chance = _chance(step, _sd(columns))
         # A design may well have conditions in its middle.
         shared = np.count_nonzero(np.abs(settings - settings[row]) < step[:2], axis=0) > 1
         set_so = np.where(shared, 1.0, chance[:2]).min()

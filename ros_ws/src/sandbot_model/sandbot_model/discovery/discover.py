@@ -252,7 +252,7 @@ def _discovered(
     shift = largest_shift(reported, hidden)
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
-    verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach)
+    verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
     if shift:
         verdict = replace(verdict, because=f"{verdict.because}; {shift.in_words(reported)}")
     return Discovery(
@@ -340,6 +340,7 @@ def _with_remarks(
     hidden: Sequence[str],
     trials: Sequence[NextTrial],
     out_of_reach: Sequence[str],
+    controls: Mapping[str, str],
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     because = [verdict.because]
@@ -348,7 +349,7 @@ def _with_remarks(
     if hidden:
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if verdict.status == "ambiguous":
-        because.append(_most_discriminating(trials, search, verdict))
+        because.append(_most_discriminating(trials, controls, search.criteria))
     if verdict.status in WIDENED:
         because.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
@@ -456,12 +457,12 @@ def _controls(search: EffectSearch, verdict: Verdict) -> dict[str, str]:
     return {name: control for name in differing if (control := search.effects[name].control)}
 
 
-def _most_discriminating(trials: Sequence[NextTrial], search: EffectSearch, verdict: Verdict) -> str:
+def _most_discriminating(trials: Sequence[NextTrial], controls: Mapping[str, str], criteria: Criteria) -> str:
     """The trial that best discriminates between the alternatives, or their controls if none does."""
-    telling = _telling(trials, search.criteria)
+    telling = _telling(trials, criteria)
     if not telling:
-        controls = ", ".join(f"{name} ({control})" for name, control in _controls(search, verdict).items())
-        of_another_kind = f"; control experiments do: {controls}" if controls else ": another kind is needed"
+        listed = ", ".join(f"{name} ({control})" for name, control in controls.items())
+        of_another_kind = f"; control experiments do: {listed}" if listed else ": another kind is needed"
         return f"no trial within this range of φ and ω tells them apart by these observables{of_another_kind}"
     best = telling[0]
     gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"

@@ -17,9 +17,9 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.model import USUAL_K, model_of
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable, usual_noise
-from sandbot_model.physics.walking import Inputs
+from sandbot_model.physics.walking import USUAL_K, Inputs
 from sandbot_record.trials.table import Row, from_rows
 
 PHI = (0.58, 0.59, 0.6, 0.615, 0.633)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
 from sandbot_model.discovery.candidates import bic_weights
 from sandbot_model.discovery.criteria import Criteria
@@ -33,6 +34,18 @@ ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 """Observables measured along the track."""
 DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 """Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
+IN_ORDER = 0.9
+"""Correlation of run order with φ or ω above which trials were run in order of it."""
+
+
+def run_in_order_of(cells: Cells) -> str:
+    """``ω`` or ``φ`` if trials were run in order of it; empty if they were not, or no order is known."""
+    if cells.order is None or not np.ptp(cells.order) > 0:
+        return ""
+    for axis, values in (("ω", cells.omega), ("φ", cells.level_phi[cells.level])):
+        if np.ptp(values) > 0 and abs(np.corrcoef(values, cells.order)[0, 1]) > IN_ORDER:
+            return axis
+    return ""
 
 
 def nuisances_for(fit: Fit, criteria: Criteria, batch_sd: BatchSd = ALIKE) -> Nuisances:

@@ -1,9 +1,7 @@
 """Nuisances described in words and in a reader's units."""
 
-import numpy as np
-
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_ZERO, SPEED_SCALE, run_in_order_of
 from sandbot_model.fitting.fit import Fit
 
 WORDS = {
@@ -14,8 +12,6 @@ WORDS = {
 """Description, factor from SI, and unit of each nuisance."""
 SHOWS = 2.0
 """Standard errors above which a nuisance is mentioned."""
-IN_ORDER = 0.9
-"""Correlation of run order with φ or ω above which trials were run in order of it."""
 
 
 def significant(fit: Fit) -> list[str]:
@@ -37,10 +33,6 @@ def in_words(name: str, value: float, stderr: float, sd: float) -> str:
 
 def confounded_drift(cells: Cells) -> str:
     """What a drift looks like if trials were run in order of ω or φ; empty if they were not, or no order is known."""
-    if cells.order is None or not np.ptp(cells.order) > 0:
-        return ""
-    looks = {"ω": (cells.omega, "a dependence on ω"), "φ": (cells.level_phi[cells.level], "part of k(φ)")}
-    for name, (values, like) in looks.items():
-        if np.ptp(values) > 0 and abs(np.corrcoef(values, cells.order)[0, 1]) > IN_ORDER:
-            return f"trials were run in order of {name}, so a drift of the bed looks like {like}"
-    return ""
+    axis = run_in_order_of(cells)
+    like = {"ω": "a dependence on ω", "φ": "part of k(φ)"}
+    return f"trials were run in order of {axis}, so a drift of the bed looks like {like[axis]}" if axis else ""

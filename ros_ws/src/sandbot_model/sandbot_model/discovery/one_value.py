@@ -9,9 +9,8 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.untested import grid_of, new_conditions
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.walking import USUAL_K
 
-PHI = (0.58, 0.633)
-"""The range of φ of Li09's bed of poppy seeds."""
 OMEGA_RAD_S = (4.0, 28.0)
 """SandBot's usual range of ω."""
 LEVELS = 7
@@ -33,7 +32,7 @@ def what_to_add(base: Fit) -> list[NextTrial]:
     cells = base.cells
     if not (alone := single(cells)):
         return []
-    phi = _wider(PHI, cells.level_phi) if "φ" in alone else cells.level_phi
+    phi = _wider(USUAL_K.phi, cells.level_phi) if "φ" in alone else cells.level_phi
     omega = _wider(usual_omega(cells.robot), cells.omega) if "ω" in alone else np.unique(cells.omega)
     grid = grid_of(np.round(phi, 3), np.round(omega, 2))
     walks = base.predict(*grid.T).walking
@@ -47,9 +46,9 @@ def usual_omega(robot: Robot) -> tuple[float, float]:
     return low, high
 
 
-def _wider(usual: tuple[float, float], measured: Array) -> Array:
+def _wider(usual: tuple[float, float] | Array, measured: Array) -> Array:
     """Values in a range that includes what was measured."""
-    return np.linspace(min(usual[0], measured.min()), max(usual[1], measured.max()), LEVELS)
+    return np.linspace(min(usual[0], measured.min()), max(usual[-1], measured.max()), LEVELS)
 
 
 def where(cells: Cells) -> str:

@@ -25,8 +25,9 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Parameter
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.model import USUAL_K, model_of
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable, usual_noise
+from sandbot_model.physics.walking import USUAL_K
 from sandbot_record.trials.table import Trials
 
 POWER, Z = 0.9, 1.2816

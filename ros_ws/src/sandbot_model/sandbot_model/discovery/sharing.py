@@ -36,8 +36,8 @@ from sandbot_model.discovery.batch_sd import (
 )
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for
-from sandbot_model.discovery.nuisances_in_words import WORDS, confounded_drift, significant
+from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for, run_in_order_of
+from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import (
     Verdict,
@@ -254,7 +254,7 @@ def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: 
     In order of ω, a drift may be all that a rival lacks. Scatter of the bed lets any rival fit, so a claim that needs
     it is not compared again.
     """
-    ordered = not batch_sd and confounded_drift(search.cells)
+    ordered = not batch_sd and run_in_order_of(search.cells)
     found = None if not ordered else _judged_with_batch_sd(search, plain, size, batch_sd)
     return found if found and set(found.verdict.alternatives) - set(plain.alternatives) else None
 

@@ -9,12 +9,16 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
-from sandbot_model.physics.walking import Inputs, KCurve, Params, Walker, depth_grid
+from sandbot_model.physics.walking import USUAL_K, Inputs, Params, Walker, depth_grid
 
 PHI, OMEGA = (np.array([part]).T for part in zip(*product((0.55, 0.6, 0.65), (1.0, 4.0, 12.0, 40.0)), strict=True))
-CURVE = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
 INPUTS = Inputs(
-    np.array([[[150.0, 250.0]]]), OMEGA[None], 0.4, PHI[None], clock=clock(["SGCS"] * len(PHI))[:, None], k_of_phi=CURVE
+    np.array([[[150.0, 250.0]]]),
+    OMEGA[None],
+    0.4,
+    PHI[None],
+    clock=clock(["SGCS"] * len(PHI))[:, None],
+    k_of_phi=USUAL_K,
 )
 """Shapes as in a fit (rows, cells, nodes): every φ at every ω."""
 

@@ -15,7 +15,7 @@ from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
-from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
+from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
 if TYPE_CHECKING:
     from sandbot_model.physics.tape import Tape
@@ -26,9 +26,6 @@ BASE_PARAMETERS = (
 )
 """Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted so that a robot that swims a little faster is not
 mistaken for one with a missing effect."""
-
-USUAL_K = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
-"""The ground of Li09, for what is predicted before any fit."""
 
 SLOWEST = round(slow_phase_ratio("HGCS"), 2)
 """Leg rate in a slow phase over the mean rate (β of HGCS): the factor by which Δt may be shorter if legs push in it."""

@@ -108,6 +108,10 @@ class KCurve:
         return np.stack(found).reshape(wanted.shape)
 
 
+USUAL_K = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
+"""The ground of Li09, for what is predicted before any fit."""
+
+
 @dataclass(frozen=True)
 class Footing:
     """Where the ground holds the legs: depths [m] (2R - h where it never does), steady and on virgin ground."""
