@@ -171,7 +171,7 @@ def _within_cell_contrasts(fit: Fit) -> tuple[Array, Array]:
         free, whiten = np.linalg.svd(root[None])[2][1:] * root, fit.problem.whiten[cell]
         known = np.isfinite(batch_mean[cell, there]).all(axis=0) & fit.problem.measured[cell]
         contrasts.append((free @ np.where(known, batch_mean[cell, there], 0.0) @ whiten.T).ravel())
-        slope = np.zeros((len(free), 4, share.shape[1]))
+        slope = np.zeros((len(free), len(whiten), share.shape[1]))
         slope[:, :, there] = np.einsum("ij,j,bc->bic", whiten, np.where(known, by_ln_k[cell], 0.0), free)
         slopes.append(slope.reshape(-1, share.shape[1]))
     return np.concatenate(contrasts), np.concatenate(slopes)

@@ -31,11 +31,11 @@ def win_shares(
 def _bic(fit: Fit, noise: Array) -> Array:
     """BIC in each draw ``(draws,)``; ``noise (4 cells, draws)`` is that of the cell means, whitened by pure error."""
     problem, state = fit.problem, fit.state
-    cells = len(fit.cells)
+    values = problem.measured.size
     # From the whitening by pure error to that of this set, which may give a cell near a switch less weight.
     rewhiten = state.whiten[0] @ np.linalg.inv(problem.whiten)
-    moved = np.einsum("cij,cjd->cid", rewhiten, noise[: 4 * cells].reshape(cells, 4, -1))
-    moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
-    residual = state.all_residuals[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
+    moved = np.einsum("cij,cjd->cid", rewhiten, noise[:values].reshape(*problem.measured.shape, -1))
+    moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(values, -1)
+    residual = state.all_residuals[0][:, None] + np.concatenate([moved, noise[values:]])
     remaining = project_out(residual, tangent_basis(problem, state))
     return np.asarray(np.sum(remaining**2, axis=0) + fit.bic - fit.goodness.chi2)

@@ -13,8 +13,12 @@ import numpy as np
 
 from sandbot_model.physics import machine
 from sandbot_model.physics.averaging import REACHED
+from sandbot_model.physics.observables import Observable
 
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+OBSERVABLES = len(Observable)
+LIFT, PEAK_SPEED, FIRST_STEP = int(Observable.lift), int(Observable.peak_speed), int(Observable.first_step)
 
 
 @_compiled
@@ -43,18 +47,18 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
-    predicted, residual, deviance = np.zeros((rows, cells, 4)), np.zeros((rows, cells, 4)), np.empty((rows, cells))
-    wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
+    predicted, residual = np.zeros((2, rows, cells, OBSERVABLES))
+    deviance, (wider, whitens) = np.empty((rows, cells)), np.empty((2, rows, cells, OBSERVABLES, OBSERVABLES))
     for row in range(rows):
         for cell in range(cells):
             weight, walks, mixed = weights[row, cell], 0, False
             for node in range(count):
-                for i in range(4):
+                for i in range(OBSERVABLES):
                     predicted[row, cell, i] += weight[node, i % weight.shape[1]] * values[i, row, cell, node]
                 walks += walking[row, cell, node]
                 mixed |= between[row, cell, node] != plain[node]
-            for i in range(4):
-                for j in range(4):
+            for i in range(OBSERVABLES):
+                for j in range(OBSERVABLES):
                     wider[row, cell, i, j], whitens[row, cell, i, j] = covariance[cell, i, j], whiten[cell, i, j]
             deviance[row, cell] = 0.0
             if mixed or 0 < walks < count:
@@ -63,14 +67,14 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
                 here = measured[cell], wider[row, cell], whitens[row, cell]
                 deviance[row, cell] = _widen(spread, of, here) - log_det[cell]
             _whitened(mean[cell], predicted[row, cell], measured[cell], whitens[row, cell], residual[row, cell])
-            for i in range(4):
+            for i in range(OBSERVABLES):
                 deviance[row, cell] += residual[row, cell, i] ** 2
     return predicted, wider, whitens, residual, deviance
 
 
 @_compiled
 def _whitened(mean, predicted, measured, whiten, residual):
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for j in range(i + 1):
             if measured[j]:
                 residual[i] += whiten[i, j] * (mean[j] - predicted[j])
@@ -82,7 +86,7 @@ def _widen(spread, of, here):
     values, mean, weights = spread
     share, replicates = of
     measured, covariance, whiten = here
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for j in range(i + 1):
             if measured[i] and measured[j]:
                 between = 0.0
@@ -91,17 +95,17 @@ def _widen(spread, of, here):
                     between += weights[node] * (share[i] * own * share[j] * other)
                 covariance[i, j] += between / replicates
                 covariance[j, i] = covariance[i, j]
-    root = np.zeros((4, 4))
+    root = np.zeros((OBSERVABLES, OBSERVABLES))
     log_det = 0.0
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for j in range(i + 1):
             rest = covariance[i, j]
             for k in range(j):
                 rest -= root[i, k] * root[j, k]
             root[i, j] = math.sqrt(rest) if i == j else rest / root[j, j]
         log_det += 2 * math.log(root[i, i])
-    for j in range(4):
-        for i in range(4):
+    for j in range(OBSERVABLES):
+        for i in range(OBSERVABLES):
             rest = 1.0 if i == j else 0.0
             for k in range(j, i):
                 rest -= root[i, k] * whiten[k, j]
@@ -137,7 +141,7 @@ def with_reading_errors(given, unit, measured, without):
                 normal[n, n] += 1.0
             found[row] = np.linalg.solve(normal, pull)
         for cell in range(cells):
-            for i in range(4):
+            for i in range(OBSERVABLES):
                 before = residual[row, cell, i]
                 for n in its[cell, : many[cell]]:
                     residual[row, cell, i] -= shift[cell, i, n] * found[row, n]
@@ -163,7 +167,7 @@ def _columns_of_cells(slope):
 @_compiled
 def _whiten_columns(unit, its, measured, whiten, shift):
     """Whiten the columns ``its`` of a cell's slopes ``(4, m)``."""
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for n in its:
             shift[i, n] = 0.0
             for j in range(i + 1):
@@ -174,7 +178,7 @@ def _whiten_columns(unit, its, measured, whiten, shift):
 @_compiled
 def _add_normal(shift, its, residual, normal, pull):
     """Add a cell to the normal equations."""
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for n in its:
             pull[n] += shift[i, n] * residual[i]
             for m in its:
@@ -189,8 +193,8 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     depth moved in turn by ``steps (parameters + 2, rows)``, and last with nothing moved.
     """
     count, (rows, cells, nodes) = len(steps) - 1, walking.shape
-    found = np.zeros((rows, cells, 4, count))
-    slope, by_depth, stiff, sinks = np.empty((count, 4)), np.empty(4), np.empty(2), np.empty(2)
+    found = np.zeros((rows, cells, OBSERVABLES, count))
+    slope, by_depth, stiff, sinks = np.empty((count, OBSERVABLES)), np.empty(OBSERVABLES), np.empty(2), np.empty(2)
     for row in range(rows):
         for cell in range(cells):
             weight = weights[row, cell]
@@ -198,26 +202,27 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
             for node in range(nodes):
                 holds = walking[row, cell, node], virgin_walking[row, cell, node]
                 unmoved, at_depth = seen[:, count + 1, row, cell, node], seen[:, count, row, cell, node]
-                for i in range(4):
+                for i in range(OBSERVABLES):
                     by_depth[i] = (at_depth[i] - unmoved[i]) / steps[count, row]
                 for step in range(2):
-                    stiff[step] = (at_depth[4 + step] - unmoved[4 + step]) / steps[count, row]
+                    stiff[step] = (at_depth[OBSERVABLES + step] - unmoved[OBSERVABLES + step]) / steps[count, row]
                 for p in range(count):
                     values = seen[:, p, row, cell, node]
                     for step in range(2):
                         # By dd/dθ = -(∂M/∂θ)/(∂M/∂d); a depth at a jump of the margin does not move.
-                        pull = (values[4 + step] - unmoved[4 + step]) / steps[p, row]
+                        pull = (values[OBSERVABLES + step] - unmoved[OBSERVABLES + step]) / steps[p, row]
                         sinks[step] = -pull / stiff[step] if holds[step] and stiff[step] > 1e-6 else 0.0
-                    for i in range(4):
+                    for i in range(OBSERVABLES):
                         direct = (values[i] - unmoved[i]) / steps[p, row]
-                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_depth[i] * sinks[i // 3])
+                        by_sinking = by_depth[i] * sinks[1 if i == FIRST_STEP else 0]
+                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_sinking)
             _whitened_slopes(slope, measured[cell], whiten[row, cell], found[row, cell])
     return found
 
 
 @_compiled
 def _whitened_slopes(slope, measured, whiten, found):
-    for i in range(4):
+    for i in range(OBSERVABLES):
         for j in range(i + 1):
             if measured[j]:
                 for p in range(len(slope)):
@@ -254,13 +259,13 @@ def damped_step(jacobian, residual, theta, low, high, free, damping):
 def spread(local, level, levels):
     """Expand ``local_jacobian`` to a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
     rows, cells, _, count = local.shape
-    found = np.zeros((rows, 4 * cells, count - 1 + levels))
+    found = np.zeros((rows, OBSERVABLES * cells, count - 1 + levels))
     for row in range(rows):
         for cell in range(cells):
-            for i in range(4):
+            for i in range(OBSERVABLES):
                 for p in range(count - 1):
-                    found[row, 4 * cell + i, p] = local[row, cell, i, p]
-                found[row, 4 * cell + i, count - 1 + level[cell]] = local[row, cell, i, count - 1]
+                    found[row, OBSERVABLES * cell + i, p] = local[row, cell, i, p]
+                found[row, OBSERVABLES * cell + i, count - 1 + level[cell]] = local[row, cell, i, count - 1]
     return found
 
 
@@ -273,14 +278,14 @@ def profiled(table, condition, data, level, k_grid, sigma_k, nodes, weights, sam
     """
     measured, mean, _, whiten, _ = data
     deviance, k = np.zeros(len(same)), np.empty(same.shape[:2])
-    residual, last = np.empty(4), np.empty(4)
+    residual, last = np.empty((2, OBSERVABLES))
     for row in range(len(same)):
         for cell in range(len(level)):
             of = table[:, row, level[cell] if table.shape[2] > 1 else 0, condition[cell]]
             if sigma_k[row, cell] > 0:
                 of = _track_average(of, k_grid, sigma_k[row, cell], nodes, weights)
             for at in range(len(k_grid)):
-                for i in range(4):
+                for i in range(OBSERVABLES):
                     last[i], residual[i] = residual[i], 0.0
                     for j in range(i + 1):
                         if measured[cell, j]:
@@ -313,17 +318,17 @@ def _track_average(table, k_grid, sigma, nodes, weights):
     """A cell's predictions ``(4, k)`` averaged along the track; lift is the median step's, peak the best step's."""
     found = np.zeros(table.shape)
     for at in range(len(k_grid)):
-        found[1, at], found[2, at] = table[1, at], -np.inf
+        found[LIFT, at], found[PEAK_SPEED, at] = table[LIFT, at], -np.inf
         for node in range(len(nodes)):
             wanted = min(max(k_grid[at] + sigma * nodes[node], k_grid[0]), k_grid[-1])
             upper = min(max(np.searchsorted(k_grid, wanted), 1), len(k_grid) - 1)
             share = (wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1])
-            for i in (0, 2, 3):
+            for i in range(OBSERVABLES):
                 value = (1 - share) * table[i, upper - 1] + share * table[i, upper]
-                if i != 2:
-                    found[i, at] += weights[node] * value
-                elif abs(nodes[node]) < REACHED:
+                if i == PEAK_SPEED and abs(nodes[node]) < REACHED:
                     found[i, at] = max(found[i, at], value)
+                elif i != LIFT and i != PEAK_SPEED:
+                    found[i, at] += weights[node] * value
     return found
 
 
@@ -408,10 +413,10 @@ def add_switch_slopes(local, whiten, measured, values, pairs, at, by, fixed):
     for s in range(len(row)):
         density = math.exp(-0.5 * at[s] ** 2) / math.sqrt(2 * math.pi)
         of = values[:, row[s], cell[s]]
-        for j in range(4):
+        for j in range(OBSERVABLES):
             if measured[cell[s], j] and not fixed[j]:
                 change = density * (of[j, below[s]] - of[j, below[s] + 1])
-                for i in range(j, 4):
+                for i in range(j, OBSERVABLES):
                     for p in range(len(by)):
                         local[row[s], cell[s], i, p] += whiten[row[s], cell[s], i, j] * change * by[p, s]
 

@@ -84,11 +84,11 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
     -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. A prior of relative width ``K_PRIOR`` keeps k near its value where no other cell
     determines it.
     """
-    count, cells = state.theta.shape[1], len(problem.cells)
+    count = state.theta.shape[1]
     prior = np.zeros(jacobian.shape[1])
     unknowns = count + state.ln_k.shape[1]
     prior[count:unknowns] = K_PRIOR**-2
-    blocks = jacobian[: 4 * cells].reshape(cells, 4, -1)
+    blocks = jacobian[: state.residual[0].size].reshape(*state.residual[0].shape, -1)
     together = left_out_with(problem.cells).astype(float)
     own = np.einsum("cip,ciq->cpq", blocks, blocks)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.tensordot(together, own, axes=1)

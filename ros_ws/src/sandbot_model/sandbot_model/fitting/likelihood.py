@@ -24,6 +24,7 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import KCurve
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class Problem:
     def covariance(self) -> Array:
         """Covariance of the cell means ``(cells, 4, 4)``, the unit matrix where nothing was measured."""
         both = self.measured[:, :, None] & self.measured[:, None, :]
-        return np.where(both, self.cells.covariance, np.eye(4))
+        return np.where(both, self.cells.covariance, np.eye(len(Observable)))
 
     @cached_property
     def log_det(self) -> Array:

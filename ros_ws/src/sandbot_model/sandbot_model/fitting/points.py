@@ -135,7 +135,9 @@ class ArrayChains:
         if "virgin_margin" in outputs:
             found["virgin_margin"] = margin(inputs, params, footing.virgin_depth, first_step=self.walker.remembers)
         if not found.keys() >= set(outputs):
-            seen = np.broadcast_to(self.walker.observe(inputs, params, footing).observables, (*points.shape, 4))
+            seen = np.broadcast_to(
+                self.walker.observe(inputs, params, footing).observables, (*points.shape, len(NAMES))
+            )
             found |= zip(NAMES, np.moveaxis(seen, -1, 0), strict=True)
         return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
 

@@ -96,12 +96,14 @@ def _held(problem: Problem, begin: States, index: int) -> States:
 
 
 def _with_k_scatter(problem: Problem, ln_k_sd: float) -> Problem:
-    own = problem.nuisances or _no_nuisances(len(problem.cells))
+    own = problem.nuisances or _no_nuisances(problem.measured)
     return replace(problem, nuisances=own.with_k_scatter(ln_k_sd))
 
 
-def _no_nuisances(cells: int) -> Nuisances:
-    return Nuisances((), np.zeros(0), np.zeros((cells, 4, 0)), np.zeros(cells), np.zeros(0), np.zeros((cells, 0)))
+def _no_nuisances(measured: Bool) -> Nuisances:
+    cells = len(measured)
+    slope, by_ln_k = np.zeros((*measured.shape, 0)), np.zeros((cells, 0))
+    return Nuisances((), np.zeros(0), slope, np.zeros(cells), np.zeros(0), by_ln_k)
 
 
 @dataclass(frozen=True, eq=False)

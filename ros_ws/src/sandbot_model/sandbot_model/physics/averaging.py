@@ -83,8 +83,8 @@ def share_between_trials(along_the_track: bool, phi_scatter: float, track: Array
     there is only one first step, and the peak speed varies as much as that of a single step.
     """
     if not along_the_track:
-        return np.ones((1, 1, 4))
+        return np.ones((1, 1, len(Observable)))
     between = phi_scatter**2
     averaged = np.sqrt((between + track**2 / STEPS) / np.maximum(between + track**2, 1e-18))
-    plain = np.ones_like(averaged)
-    return np.stack([averaged, averaged, plain, plain], axis=-1)
+    single = (Observable.peak_speed, Observable.first_step)
+    return np.stack([np.ones_like(averaged) if one in single else averaged for one in Observable], axis=-1)
