@@ -115,6 +115,22 @@ def _parser() -> argparse.ArgumentParser:
         choices=("failed",),
         help="run again, once, what is not ok; its bags are kept in trials/.partial",
     )
+    _add_until(parser)
+    parser.add_argument(
+        "--silence",
+        type=float,
+        metavar="S",
+        help="a node that is silent for longer ends the live trial under way (default: 1)",
+    )
+    parser.add_argument("--config-folder", action="store_true", help="print the folder of the example plans, and exit")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="check the plan; say what would be done, and what could be found"
+    )
+    return parser
+
+
+def _add_until(parser: argparse.ArgumentParser) -> None:
+    """Options of a campaign that ends with a verdict."""
     parser.add_argument(
         "--until",
         choices=(VERDICT,),
@@ -139,22 +155,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SHARE",
         help="prior sd of the drift of k by the end (--until; default: 0.03)",
     )
-    parser.add_argument(
-        "--silence",
-        type=float,
-        metavar="S",
-        help="a node that is silent for longer ends the live trial under way (default: 1)",
-    )
-    parser.add_argument("--config-folder", action="store_true", help="print the folder of the example plans, and exit")
-    parser.add_argument(
-        "--dry-run", action="store_true", help="check the plan; say what would be done, and what could be found"
-    )
-    return parser
 
 
 def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]:
     if options.plan is None:
         raise InputError("a plan is needed: campaign.yaml, or the folder of a campaign to resume (see campaign --help)")
+    _check(options)
     beside = options.plan.parent
     options.plan = shipped(options.plan)
     options.world = options.world and shipped(options.world)
@@ -174,6 +180,13 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
         with _options_named(options) as where:
             plan = with_start(plan, where)
+    return plan, folder
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises InputError for options that are out of range or would be ignored."""
+    if options.budget is not None and options.budget < 1:
+        raise InputError(f"--budget {options.budget}: 1 or more trials are needed; leave it out for the whole grid")
     if not options.batch:
         no_crew(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
@@ -185,13 +198,10 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         raise InputError("--silence: --batch runs without nodes; leave one of the two out")
     if not options.batch and (options.world or options.hide is not None):
         raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
-    return plan, folder
 
 
 def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     """The plan with the command line's options on the verdict, checked as if they were in the file."""
-    if options.budget is not None and options.budget < 1:
-        raise InputError(f"--budget {options.budget}: 1 or more trials are needed; leave it out for the whole grid")
     given = {key: getattr(options, key) for key in ("until", *VERDICT_KEYS)}
     given = {key: value for key, value in given.items() if value is not None}
     if not given:

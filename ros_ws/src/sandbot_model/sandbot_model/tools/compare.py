@@ -18,8 +18,10 @@ from sandbot_model.discovery.choice import Selection, held_by_text, name_of, rea
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
+    from sandbot_model.discovery.compare import Comparison
     from sandbot_model.fitting.parallel import Map
     from sandbot_model.physics.model import Model
+    from sandbot_record.trials.table import Trials
 
 FEW = 5
 """Cell means missed that are listed."""
@@ -86,10 +88,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
             print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
     if held:
         print(filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"), "\n")
-    parts = [tables.ladder(steps), tables.parameters(steps[-1])]
-    parts.append(tables.fails(steps[-1], arguments.ALL if args.verbose else FEW))
-    parts.append(filled(tables.lock_line(steps.lock)))
-    print("\n\n".join(filter(None, parts)))
+    print(_tables(steps, arguments.ALL if args.verbose else FEW))
     content = steps.to_dict()
     content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
     if args.bootstrap is not None:
@@ -103,13 +102,26 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     if args.json is not None:
         write_json(args.json, content)
     if args.html is not None:
-        from sandbot_model.report import write_comparison
-        from sandbot_record.trials.film_strip import film_strip
+        _write_report(args, steps, trials)
 
-        frames = film_strip(args.data[0])
-        with writing(args.html):
-            title = args.title or args.data[0].stem
-            write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
+
+def _tables(steps: "Comparison", missed: int) -> str:
+    """The ladder, the parameters of its last step, the cell means that it misses, and the lock."""
+    from sandbot_model.tools import tables
+
+    last = steps[-1]
+    parts = (tables.ladder(steps), tables.parameters(last), tables.fails(last, missed))
+    return "\n\n".join(filter(None, (*parts, filled(tables.lock_line(steps.lock)))))
+
+
+def _write_report(args: argparse.Namespace, steps: "Comparison", trials: "Trials") -> None:
+    from sandbot_model.report import write_comparison
+    from sandbot_record.trials.film_strip import film_strip
+
+    frames = film_strip(args.data[0])
+    with writing(args.html):
+        title = args.title or args.data[0].stem
+        write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
 
 
 def _held(selection: Selection, model: "Model") -> tuple[str, list[str]]:
