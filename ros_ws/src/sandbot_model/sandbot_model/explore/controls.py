@@ -121,119 +121,143 @@ def _floor(floor_m_s: float) -> str:
 def _controls(floor_m_s: float) -> html.Section:
     # Not a form: Enter in the formula would submit it and leave the page.
     return html.Section(
-        [
-            html.Fieldset(
-                [
-                    html.Legend("Base model"),
-                    dcc.RadioItems(list(BASES), "simple", id="model", inline=True),
-                ]
-            ),
-            html.Div(
-                [
-                    html.Button(
-                        "Suggest", id="suggest", type="button", n_clicks=0, title="run discovery on these trials"
-                    ),
-                    html.Button("Undo", id="undo", type="button", n_clicks=0),
-                    html.Button("Save YAML", id="save", type="button", n_clicks=0),
-                    html.Button("Save CSV", id="save-csv", type="button", n_clicks=0),
-                ],
-                className="buttons",
-            ),
-            html.Div(
-                [
-                    html.Div(id="suggestion", role="status"),
-                    html.Button("Switch these on", id="adopt", type="button", n_clicks=0, hidden=True),
-                ]
-            ),
-            html.Fieldset(
-                [
-                    html.Legend(f"Effects by BIC, and the error of mean speed without → with each{_floor(floor_m_s)}"),
-                    html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
-                    html.Div(
-                        [
-                            html.Button("Show all effects", id="unfold", type="button", **{"aria-pressed": "false"}),
-                            html.A("As cards", id="cards", href="/effects", title="what each effect is"),
-                        ],
-                        className="buttons below",
-                    ),
-                ]
-            ),
-            html.Details(
-                [
-                    html.Summary("Your own effect"),
-                    html.Label("name: stage: formula; parameter [unit] in low..high", htmlFor="formula"),
-                    dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
-                    html.Button("Add and fit", id="add", type="button", n_clicks=0),
-                    html.P(id="formula-read", className="formula-read", role="status"),
-                    html.Details([html.Summary("Symbols a formula may hold"), symbols()]),
-                ]
-            ),
-        ],
+        [_base_model(), _buttons(), _suggestion(), _effects(floor_m_s), _own_effect()],
         className="controls",
         **{"aria-label": "Model and effects"},
     )
 
 
+def _base_model() -> html.Fieldset:
+    return html.Fieldset(
+        [html.Legend("Base model"), dcc.RadioItems(list(BASES), "simple", id="model", inline=True)],
+    )
+
+
+def _buttons() -> html.Div:
+    return html.Div(
+        [
+            _button("suggest", "Suggest", title="run discovery on these trials"),
+            _button("undo", "Undo"),
+            _button("save", "Save YAML"),
+            _button("save-csv", "Save CSV"),
+        ],
+        className="buttons",
+    )
+
+
+def _suggestion() -> html.Div:
+    return html.Div(
+        [html.Div(id="suggestion", role="status"), _button("adopt", "Switch these on", hidden=True)],
+    )
+
+
+def _effects(floor_m_s: float) -> html.Fieldset:
+    return html.Fieldset(
+        [
+            html.Legend(f"Effects by BIC, and the error of mean speed without → with each{_floor(floor_m_s)}"),
+            html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
+            html.Div(
+                [
+                    html.Button("Show all effects", id="unfold", type="button", **{"aria-pressed": "false"}),
+                    html.A("As cards", id="cards", href="/effects", title="what each effect is"),
+                ],
+                className="buttons below",
+            ),
+        ]
+    )
+
+
+def _own_effect() -> html.Details:
+    return html.Details(
+        [
+            html.Summary("Your own effect"),
+            html.Label("name: stage: formula; parameter [unit] in low..high", htmlFor="formula"),
+            dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
+            _button("add", "Add and fit"),
+            html.P(id="formula-read", className="formula-read", role="status"),
+            html.Details([html.Summary("Symbols a formula may hold"), symbols()]),
+        ]
+    )
+
+
 def _figures(cells: Cells) -> html.Main:
-    labels = _cell_labels(cells)
     return html.Main(
         [
+            *_tabs(),
+            _panes(),
             html.Div(
-                [
-                    dcc.RadioItems(
-                        [{"value": view, "label": title} for view, title in TITLES.items()],
-                        "speed", id="view", inline=True, className="tabs",
-                    ),
-                    html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
-                    html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
-                ],
-                className="tab-row",
-            ),
-            html.Div(
-                dcc.RadioItems(
-                    [{"value": observable.name, "label": observable.heading} for observable in Observable],
-                    "speed", id="observable", inline=True, className="tabs small",
-                ),
-                id="observable-row",
-            ),
-            html.Div(
-                [
-                    html.Section([html.H2(id="pane-title", hidden=True), plot("figure")], className="pane"),
-                    html.Div(id="beside", className="panes"),
-                ],
-                className="panes",
-            ),
-            html.Div(
-                [
-                    html.Button("Keep as second model", id="pin", type="button", n_clicks=0),
-                    html.Button("Remove the second model", id="unpin", type="button", n_clicks=0, hidden=True),
-                ],
+                [_button("pin", "Keep as second model"), _button("unpin", "Remove the second model", hidden=True)],
                 className="buttons",
             ),
-            html.Div(
-                [
-                    html.H2("Values by hand"),
-                    html.P("Move a value to see what it does; k(φ) stays as fitted.", className="soft"),
-                    html.Div(id="by-hand"),
-                    html.Button("Refit all", id="release", type="button", n_clicks=0),
-                    html.Div(id="parameters"),
-                ],
-                id="parameters-box",
-                hidden=True,
-            ),
+            _values_by_hand(),
             html.H2("Error as effects are added"),
             plot("ladder", how_to_read=how_to_read("ladder", cells)),
-            html.H2("Trials behind a point"),
-            html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
-            dcc.Dropdown(
-                [{"value": cell_text(condition_of(cells, i)), "label": label} for i, label in enumerate(labels)],
-                None, id="cell", clearable=True,
-            ),
-            html.Div(id="trials", role="region", tabIndex=0, **{"aria-label": "Trials of the condition chosen"}),
+            *_trials_behind_a_point(cells),
         ],
         id="figures",
         tabIndex=-1,
-    )  # fmt: skip
+    )
+
+
+def _tabs() -> list[html.Div]:
+    """The views and pages, and the observables of a view."""
+    views = [{"value": view, "label": title} for view, title in TITLES.items()]
+    observables = [{"value": observable.name, "label": observable.heading} for observable in Observable]
+    return [
+        html.Div(
+            [
+                dcc.RadioItems(views, "speed", id="view", inline=True, className="tabs"),
+                html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
+                html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
+            ],
+            className="tab-row",
+        ),
+        html.Div(
+            dcc.RadioItems(observables, "speed", id="observable", inline=True, className="tabs small"),
+            id="observable-row",
+        ),
+    ]
+
+
+def _panes() -> html.Div:
+    """The figure, and that of a second model beside it."""
+    return html.Div(
+        [
+            html.Section([html.H2(id="pane-title", hidden=True), plot("figure")], className="pane"),
+            html.Div(id="beside", className="panes"),
+        ],
+        className="panes",
+    )
+
+
+def _values_by_hand() -> html.Div:
+    return html.Div(
+        [
+            html.H2("Values by hand"),
+            html.P("Move a value to see what it does; k(φ) stays as fitted.", className="soft"),
+            html.Div(id="by-hand"),
+            _button("release", "Refit all"),
+            html.Div(id="parameters"),
+        ],
+        id="parameters-box",
+        hidden=True,
+    )
+
+
+def _trials_behind_a_point(cells: Cells) -> list[Any]:
+    conditions = [
+        {"value": cell_text(condition_of(cells, i)), "label": label} for i, label in enumerate(_cell_labels(cells))
+    ]
+    return [
+        html.H2("Trials behind a point"),
+        html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
+        dcc.Dropdown(conditions, None, id="cell", clearable=True),
+        html.Div(id="trials", role="region", tabIndex=0, **{"aria-label": "Trials of the condition chosen"}),
+    ]
+
+
+def _button(identifier: str, label: str, **more: Any) -> html.Button:
+    return html.Button(label, id=identifier, type="button", n_clicks=0, **more)
 
 
 def _cell_labels(cells: Cells) -> list[str]:
