@@ -122,24 +122,20 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     Trials without a robot are taken to be SandBot's, those without a frame rate to be filmed at the usual one.
     ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
-    phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
-    values = np.stack(
-        [np.asarray(getattr(trials, observable.column), dtype=float) for observable in Observable], axis=-1
-    )
-    usable = trials.usable & (omega > 0)
+    usable = trials.usable & (trials.omega_rad_s > 0)
     if not usable.any():
         raise InputError(
-            f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
+            f"none of {len(trials)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
         )
-    gait = np.asarray([str(name) for name in trials.gait])[usable]
-    phi, omega, values = phi[usable], omega[usable], values[usable]
+    some = trials.select(usable)
+    values = np.stack([getattr(some, observable.column) for observable in Observable], axis=-1)
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
     robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
+    gait, omega = some.gait, some.omega_rad_s
     values[~peaks_seen(gait, omega, values, robot, accuracy, rate_hz), Observable.peak_speed] = np.nan
     values[swam_from_start(gait, omega, values) | starts_on_both_tripods(gait), Observable.first_step] = np.nan
-    stated = np.stack([getattr(trials, name) for name in STATED_COLUMNS])[:, usable]
-    batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
-    cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
+    stated = np.stack([getattr(some, name) for name in STATED_COLUMNS])
+    cells = _gather(some, values, stated, accuracy, excluded=len(trials) - len(some))
     cells = replace(cells, robot=robot, accuracy=accuracy, bars_of_trials=of_single_trials(stated))
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi, robot))
 
@@ -184,19 +180,10 @@ class _Groups:
             return np.where(n > 1, np.sqrt(np.stack(squares, axis=-1) / (n - 1)), np.nan)
 
 
-def _gather(
-    phi: Floats,
-    omega: Floats,
-    gait: NDArray[np.str_],
-    values: Floats,
-    stated: Floats,
-    accuracy: Accuracy,
-    batch: NDArray[np.str_],
-    order: Floats,
-    excluded: int,
-) -> Cells:
-    """Cells of the usable trials."""
-    cell, keys = conditions(phi, gait, omega)
+def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, excluded: int) -> Cells:
+    """Cells of usable trials, from those of their ``values (trials, 4)`` that count, with their ``stated`` errors."""
+    phi, omega, batch = trials.phi, trials.omega_rad_s, trials.batch
+    cell, keys = conditions(phi, trials.gait, omega)
     level = keys[0, cell]
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
@@ -213,7 +200,7 @@ def _gather(
     error = with_stated(of_replicates, bars, walking, cells.mean(omega), usual)
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
-    names = tuple(np.unique(gait)[keys[1]].tolist())
+    names = tuple(np.unique(trials.gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(
         phi=cell_phi,
@@ -237,7 +224,7 @@ def _gather(
         error_bars=error is not of_replicates,
         batch_share=share,
         batch_mean=by_batch,
-        order=_run_position(order, cells),
+        order=_run_position(trials.run_order, cells),
     )
 
 
