@@ -57,7 +57,7 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.unseen import Shift, largest_shift, unseen, without_nuisances
+from sandbot_model.discovery.unseen import Shift, equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import plainly_missed, to_run, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
@@ -244,17 +244,18 @@ def _discovered(
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
     if rival:
-        reported = averaged_with(reported, rival)
         verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     shift = largest_shift(reported, hidden)
+    as_likely = {fit.effects: fit for fit in (*equally_simple(reported, hidden), *([rival] if rival else []))}
+    said = [shift.in_words(reported, covered=(shift.effect,) in as_likely)] if shift else []
+    reported = averaged_with(reported, list(as_likely.values()))
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
-    if shift:
-        verdict = replace(verdict, because=f"{verdict.because}; {shift.in_words(reported)}")
+    verdict = replace(verdict, because="; ".join((verdict.because, *said)))
     return Discovery(
         model=base,
         cells=cells,
