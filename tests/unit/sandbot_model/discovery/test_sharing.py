@@ -75,7 +75,7 @@ def test_where_a_zero_denies_an_effect_errors_cover_the_fit_with_it_too(drawn):
 
 
 def test_errors_cover_another_formula_that_fits_as_well_beside_the_scatter_of_preparations():
-    """Δt by the model's acceleration is 0.9 s, by the exact one 0.4 s; a bed that scatters hides which of them it is."""
+    """Δt by the model's acceleration is 0.9 s, by the exact one 0.4 s; a bed that scatters hides which."""
     exact = catalogue()["exact_vertical_acceleration"]
     found = discover(cells_of(prepared(exact)), {exact.identifier: exact}, max_effects=1)
     assert found.verdict.status == "adequate"
