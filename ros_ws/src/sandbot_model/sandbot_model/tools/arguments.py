@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
+from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import Criteria, of_bed
@@ -63,6 +64,11 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
     parser.add_argument("--verbose", "-v", action="store_true", help="print every effect tried and every miss")
+
+
+def title(args: argparse.Namespace) -> str:
+    """``--title``, else the name of DATA."""
+    return args.title or base_name(args.data[0])
 
 
 def check_report(args: argparse.Namespace) -> None:
