@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
 from sandbot_model.explore.requested import held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
@@ -58,7 +59,6 @@ aria-label="The model's legs: coloured while they hold">
 """In leg radii, with the hip of the robot's group at the origin."""
 STONES, PERIOD = ((0.0, 0.2), (0.4, 0.62), (0.76, 0.37), (0.23, 1.0), (0.9, 1.2)), 1.12
 """Places of stones in the ground, and the distance after which they repeat [leg radii]."""
-BUTTONS = ("svg", "png", "csv")
 
 
 class TheatrePage:
@@ -185,6 +185,6 @@ def _figure(name: str, says: str, cursor: str = "") -> str:
     buttons = " ".join(
         f'<button type="button" data-figure="{name}" data-format="{kind}" aria-label="Save figure {name} as '
         f'{kind.upper()}">{kind.upper()}</button>'
-        for kind in BUTTONS
+        for kind in FORMATS
     )
     return FIGURE.format(name=name, says=escape(says), cursor=cursor, buttons=buttons)
