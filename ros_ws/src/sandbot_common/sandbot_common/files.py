@@ -91,6 +91,12 @@ def check_output(path: Path) -> Path:
         raise InputError(f"{path}: can't be written: no file can be made in {above} ({error.strerror})") from None
 
 
+def base_name(path: Path) -> str:
+    """The name of a folder, or of a file without its ending; a folder's may have dots (phi0.6000_w04.000_r01)."""
+    there = Path(os.path.abspath(path))  # ``.`` has no name; a link keeps its own
+    return there.stem if there.is_file() else there.name
+
+
 def same_file(one: Path, other: Path) -> bool:
     """Whether two paths are the same file, existing or still to be written; a terminal or /dev/null is no file."""
     if one.exists() and other.exists():

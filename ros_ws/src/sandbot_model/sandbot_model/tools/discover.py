@@ -112,7 +112,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         frames = film_strip(args.data[0])
         with writing(args.html):
             write_report(
-                args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data,
+                args.html, found, trials, title=arguments.title(args), frames=frames, data=args.data,
                 command=args.typed,
             )  # fmt: skip
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NoReturn
 from sandbot_common import cli
 from sandbot_common.crew import count
 from sandbot_common.errors import InputError
+from sandbot_common.files import base_name
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
@@ -76,7 +77,7 @@ def _explore(argv: Sequence[str]) -> None:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
     arguments.criteria(args)
     query = to_query(_initial_selection(args))
-    title = args.title or args.data[0].resolve().stem
+    title = arguments.title(args)
     arguments.check_setting(args)
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
@@ -137,7 +138,7 @@ class _Servers:
         beside = None
         if (path := dropped or args.beside) is not None:
             other = cells_of(arguments.beside(args, trials, path))
-            beside = Beside(Session(other, self._workers, **own), path.resolve().stem)
+            beside = Beside(Session(other, self._workers, **own), base_name(path))
         session = Session(cells, self._workers, **own)
         session.catalogue()
         # Workers are forked here, before the server has threads, and inherit the user's effects.

@@ -76,7 +76,7 @@ def _read(path: Path) -> Measured:
         raise InputError(f"{path}: empty bag, no messages")
     plan, bed = plan_of(bag), _bed(bag)
     row = Row(
-        trial_id=str(plan.get("trial_id") or path.stem),
+        trial_id=str(plan.get("trial_id") or files.base_name(path)),
         phi=_last(bag, topics.BED_PHI.name),
         phi_sd=_phi_sd(bed),
         omega_rad_s=number_or_nan(plan.get("omega_rad_s")),
