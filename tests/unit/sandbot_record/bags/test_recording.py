@@ -314,12 +314,13 @@ def test_an_image_that_cannot_become_a_video_stops_with_the_reason(tmp_path):
         BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic
     )
     made.add_topic("/cam", "sensor_msgs/msg/Image")
-    odd = to_cdr(messages.image(0, "cam", np.zeros((47, 64), np.uint8)))
-    made.put(Received("/cam", odd, bags.T0, bags.T0, 1))
+    coloured = messages.image(0, "cam", np.zeros((48, 3 * 64), np.uint8))
+    coloured.encoding, coloured.width = "bgr8", 64
+    made.put(Received("/cam", to_cdr(coloured), bags.T0, bags.T0, 1))
     assert made.stopped.wait(10)
     made.close()
     assert made.failed
-    assert "even width and height" in made.last_line()
+    assert "mono8 is needed" in made.last_line()
 
 
 @pytest.mark.parametrize("images", ["jpeg", "video"])

@@ -329,8 +329,6 @@ class Recording:
         if now_s - self._flushed_s >= self._flush_period_s:
             self._flushed_s = now_s
             self._writer.flush()
-            for file in self._videos:
-                file.check()
             self._check_free()
         return now_s
 
