@@ -383,6 +383,13 @@ def _header(lines: list[list[str]], matters: Callable[[str], bool]) -> tuple[lis
     return [], len(lines)
 
 
+def number_in(cell: str) -> float:
+    """The number in a cell, with a point. Raises ValueError, also for 1_0, which only Python reads as a number."""
+    if "_" in cell:
+        raise ValueError(cell)
+    return float(cell.replace("\N{MINUS SIGN}", "-"))
+
+
 def _comment(line: list[str]) -> list[str]:
     """The cells of a comment line without its #; empty for any other line."""
     return [line[0].lstrip("# \t"), *line[1:]] if line and line[0].startswith("#") else []

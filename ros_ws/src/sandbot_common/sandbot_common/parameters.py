@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean
+from sandbot_common.typed import WORDS
 
 T = TypeVar("T")
 _KEY = "sandbot"
@@ -136,11 +137,13 @@ def check(spec: Spec, value: Any, where: str) -> Any:
         return _chosen(spec, value, where)
     if wanted in (object, Any) or (wanted is dict and isinstance(value, Mapping)):
         return value
-    raise InputError(f"{where}: {spec.name}: {value!r} is not of type {getattr(wanted, '__name__', wanted)}")
+    raise InputError(f"{where}: {spec.name}: {value!r} is not {WORDS.get(wanted, wanted)}")
 
 
 def _bounded(spec: Spec, value: float, where: str) -> Any:
-    if not -LARGEST <= value <= LARGEST or not spec.low <= value <= spec.high:
+    if not -LARGEST <= value <= LARGEST:
+        raise InputError(f"{where}: {spec.name}: {value} is not a finite number ({spec.doc})")
+    if not spec.low <= value <= spec.high:
         unit = f" {spec.unit}" if spec.unit else ""
         raise InputError(f"{where}: {spec.name}: {value} is outside [{spec.low:g}, {spec.high:g}]{unit} ({spec.doc})")
     return _chosen(spec, value, where)

@@ -79,6 +79,7 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(_initial_selection(args))
     title = arguments.title(args)
     arguments.check_setting(args)
+    _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
@@ -160,6 +161,15 @@ def _lower_priority() -> None:
     os.nice(NICE)
 
 
+def _listen(port: int) -> socket.socket:
+    from sandbot_model.explore.loopback import HOST
+
+    try:
+        return socket.create_server((HOST, port))
+    except OSError as error:
+        raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
+
+
 def _serve(servers: _Servers, first: "Flask", campaigns: Sequence[Path], robot_line: str) -> None:
     from werkzeug.serving import make_server
 
@@ -167,11 +177,7 @@ def _serve(servers: _Servers, first: "Flask", campaigns: Sequence[Path], robot_l
     from sandbot_model.explore.loopback import HOST
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    port = servers.args.port
-    try:
-        listening = socket.create_server((HOST, port))
-    except OSError as error:
-        raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
+    listening = _listen(servers.args.port)
     port = listening.getsockname()[1]
     ended = threading.Event()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as dropped:

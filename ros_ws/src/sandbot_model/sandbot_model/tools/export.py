@@ -38,7 +38,7 @@ def _export(argv: Sequence[str]) -> None:
 
 
 def _write(args: argparse.Namespace) -> None:
-    from sandbot_common.files import whole_file
+    from sandbot_common.files import whole_file, writing
     from sandbot_model.explore.clip import write_clip
     from sandbot_model.explore.rrd import write_rrd
     from sandbot_model.explore.scene import scene_of
@@ -52,11 +52,12 @@ def _write(args: argparse.Namespace) -> None:
     bag = Bag.open(bags[args.trial])
     film = film_of(bag)
     print(robot_line)
-    if args.out.suffix == ".rrd":
-        write_rrd(args.out, scene, bag, film)
-    else:
-        with whole_file(args.out) as part:
-            write_clip(part, scene, film)
+    with writing(args.out):
+        if args.out.suffix == ".rrd":
+            write_rrd(args.out, scene, bag, film)
+        else:
+            with whole_file(args.out) as part:
+                write_clip(part, scene, film)
     print(f"export: {args.out}" + ("" if film else " (its bag kept no frames: without film)"))
 
 

@@ -12,6 +12,7 @@ from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import node
+from sandbot_common.ros.timer import Timer
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.latency import Latency
@@ -81,7 +82,7 @@ class TrackerNode(Node):
         node.subscription(self, topics.LEG_STATES, self._legs)
         node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
-        self.create_timer(_FOLLOW_S, self._follow)
+        Timer(self, _FOLLOW_S, self._follow)
 
     def _input(self, camera: str) -> ImageInput:
         view = topics.VIEWS[camera]
