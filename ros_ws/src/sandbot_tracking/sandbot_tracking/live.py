@@ -51,7 +51,7 @@ def warm_up(cameras: Mapping[str, Camera]) -> None:
         speed.update(t_ns / NANO, 0.0, 1e-6, 12.0)
 
 
-class View:
+class LiveView:
     """One camera: its clock, its frame times, and the frames waiting for the clock."""
 
     def __init__(self, camera: Camera) -> None:
@@ -108,7 +108,7 @@ class LiveTracker:
         """``tolerance_s``: largest time [s] between two views of one instant; 0: half a dorsal frame period."""
         self.dimensions = robot
         self._cameras = {name: cameras[name] for name in topics.VIEWS if name in cameras}
-        self.views = {name: View(camera) for name, camera in self._cameras.items()}
+        self.views = {name: LiveView(camera) for name, camera in self._cameras.items()}
         tolerance_s = tolerance_s or 0.5 / cameras["dorsal"].frame_rate_hz
         self.pairing: Pairing[Marks | Axles] = Pairing(tuple(self._cameras), round(tolerance_s * NANO))
         self.lost_frames = self.without_legs = 0

@@ -15,7 +15,7 @@ from sandbot_common.ros import node
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.latency import Latency
-from sandbot_tracking.live import LiveTracker, View, warm_up
+from sandbot_tracking.live import LiveTracker, LiveView, warm_up
 from sandbot_tracking.offline import Sample
 from sandbot_tracking.pixels import grey
 from sandbot_tracking.tracker_parameters import TrackerParameters
@@ -157,7 +157,7 @@ class TrackerNode(Node):
         return values
 
 
-def _figures(view: View) -> dict[str, object]:
+def _figures(view: LiveView) -> dict[str, object]:
     """Statistics of a camera's clock and stamps, for /diagnostics."""
     clock, times = view.clock, view.times
     known = clock.half_width_ns
