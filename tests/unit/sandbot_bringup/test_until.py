@@ -205,6 +205,14 @@ def test_a_look_torn_by_a_kill_is_taken_anew(tmp_path, monkeypatch):
     assert [one["look"] for one in until.looks_of(folder)] == [1, 2]
 
 
+@pytest.mark.parametrize(("ok", "look"), [({"ok": 0}, 1), ({}, 2)])
+def test_a_look_that_does_not_say_how_many_trials_were_ok_is_taken_anew(tmp_path, monkeypatch, ok, look):
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "", "next": [ASKED]})
+    folder = CampaignFolder(tmp_path)
+    folder.looks.write_text(json.dumps(entry(**ok)) + "\n")
+    assert until.decide(until.with_start(plan()), folder)[1]["look"] == look
+
+
 def test_a_line_that_is_no_look_is_named(tmp_path):
     folder = CampaignFolder(tmp_path)
     folder.looks.write_text("nonsense\n")

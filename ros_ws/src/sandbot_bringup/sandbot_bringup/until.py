@@ -88,8 +88,8 @@ def _count_ok(folder: CampaignFolder, crew: Crew) -> int:
 
 
 def _is_current(entry: Entry, known: Mapping[str, int]) -> bool:
-    """Whether a look saw exactly these trials; looks of earlier versions do not record how many were ok."""
-    return all(entry.get(key, value) == value for key, value in known.items())
+    """Whether a look saw exactly these trials."""
+    return all(entry.get(key) == value for key, value in known.items())
 
 
 def _budget_has_changed(entry: Entry, plan: Plan) -> bool:
