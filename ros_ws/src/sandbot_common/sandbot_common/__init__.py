@@ -18,6 +18,7 @@ crew        parallel work: on worker processes, or
 process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host;
             dead_ports: those of killed nodes, which a new one should not take
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
+health      names of the figures, and words, that nodes act on when other nodes say them on /diagnostics
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once

@@ -115,7 +115,7 @@ def given(cls: type, mapping: Any, where: str) -> dict[str, Any]:
 
 
 def check(spec: Spec, value: Any, where: str) -> Any:
-    """The value, converted to the spec's type; InputError if it does not fit."""
+    """The value, converted to the spec's type, a mapping to a dataclass; InputError if it does not fit."""
     wanted = typing.get_origin(spec.type) or spec.type
     if wanted is typing.Union or wanted is types.UnionType:
         options = typing.get_args(spec.type)
@@ -135,6 +135,8 @@ def check(spec: Spec, value: Any, where: str) -> Any:
         return _bounded(spec, value, where)
     if wanted in (str, bool) and isinstance(value, wanted):
         return _chosen(spec, value, where)
+    if dataclasses.is_dataclass(wanted):
+        return from_mapping(wanted, value, f"{where}: {spec.name}")
     if wanted in (object, Any) or (wanted is dict and isinstance(value, Mapping)):
         return value
     raise InputError(f"{where}: {spec.name}: {value!r} is not {WORDS.get(wanted, wanted)}")

@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.discovery.criteria import Criteria, of_bed
+from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, assumption
 from sandbot_model.physics.walking import BASES
 
@@ -111,13 +111,14 @@ def add_bed(parser: Parser) -> None:
         "--bed-scatter",
         type=float,
         metavar="SHARE",
-        help="sd by which k may differ from batch to batch, a prior (default: 0.007, a bed's 0.3 to 1 %%)",
+        help="prior sd of the variation of k from batch to batch "
+        f"(default: {DEFAULT.bed_scatter:g}; beds have 0.003 to 0.01)",
     )
     parser.add_argument(
         "--bed-drift",
         type=float,
         metavar="SHARE",
-        help="sd by which k may have drifted at the end of a campaign, a prior (default: 0.03)",
+        help=f"prior sd of the drift of k by the end of a campaign (default: {DEFAULT.drift:g})",
     )
 
 
