@@ -97,6 +97,7 @@ def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("inertial_drag",))
     assert "inertial_drag.lambda_1 = " in found.verdict.because
     assert "beyond the end of 0.5 to 2" in found.verdict.because
+    assert ("where the search ended" in found.verdict.because) == bool(found.fit.stopped)
     assert found.partial.fails == ()
     assert len(found.partial.holds) == 4
 

@@ -262,8 +262,9 @@ def _because(found: Partial, at: Fit) -> str:
 
 
 def _out_of_range(fit: Fit, name: str) -> str:
-    """The value of a doubtful parameter, and its plausible range."""
+    """The value of a doubtful parameter, its plausible range, and whether the search ended there."""
     parameter = fit.model.parameter(name)
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     value = f"{fit.parameters[name].value:.3g}{unit}"
-    return f"{name} = {value} is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"
+    ended = ", where the search ended" if name in fit.stopped else ""
+    return f"{name} = {value}{ended}, is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"

@@ -46,6 +46,12 @@ class Parameter:
         margin = 0.5 * self.width
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
 
+    def ends_at(self, value: float) -> float | None:
+        """The end of ``search`` next to a value; None if it is a physical one, or the effect vanishes there."""
+        end = min(self.search, key=lambda end: abs(end - value))
+        hard = min(abs(end - self.hard_low), abs(end - self.hard_high)) < 1e-9 * self.width
+        return None if hard or end == self.neutral else end
+
     def with_unit(self, value: float) -> str:
         """A value of it with its unit: ``0.4 s``."""
         return f"{value:g}{'' if self.unit == '1' else f' {self.unit}'}"
