@@ -34,6 +34,8 @@ class Parameter:
     hard_high: float = np.inf
     symbol: str = ""
     """Its symbol in the effect's formula; empty if that is its name."""
+    reach: float = 0.5
+    """How far a fit may search beyond the plausible range, in units of its width."""
 
     @property
     def width(self) -> float:
@@ -42,8 +44,8 @@ class Parameter:
 
     @property
     def search(self) -> tuple[float, float]:
-        """The plausible range widened by half its width to either side, so that a fit may leave it and be seen to."""
-        margin = 0.5 * self.width
+        """The plausible range widened by ``reach`` to either side, so that a fit may leave it and be seen to."""
+        margin = self.reach * self.width
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
 
     def ends_at(self, value: float) -> float | None:
