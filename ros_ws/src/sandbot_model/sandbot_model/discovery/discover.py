@@ -22,7 +22,7 @@ from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
-from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
+from sandbot_model.discovery.candidates import Candidate, candidates, nearly_claimed, only_implausible
 from sandbot_model.discovery.conventions import (
     admit_rivals,
     conventions,
@@ -60,7 +60,15 @@ from sandbot_model.discovery.sharing import (
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import Shift, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import plainly_missed, to_run, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
+from sandbot_model.discovery.verdict import (
+    CLAIMS,
+    Sets,
+    Verdict,
+    judge,
+    p_in_words,
+    refused_as_implausible,
+    sound,
+)
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -243,7 +251,10 @@ def _discovered(
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
     below = search.ladder(verdict)[:-1]
+    # The sentence was written about the fit without nuisances.
+    told = p_in_words(search.fits[verdict.effects])
     named, reported = _reported(search, named)
+    verdict = replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(told, 1)))
     if rival:
         reported = averaged_with(reported, rival)
         verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
@@ -347,6 +358,8 @@ def _with_remarks(
     because = [verdict.because]
     if strange := implausible_k(search.fits[()]):
         because.append(strange)
+    if verdict.status == "adequate":
+        because.append(nearly_claimed(search.fits, search.criteria))
     if hidden:
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
     if len(verdict.alternatives) > 1:

@@ -17,7 +17,7 @@ from sandbot_model.physics.effect import Parameter
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
 ROUNDS = 4
-"""Values tried for each limit; none is given if none of these is excluded."""
+"""Values tried for each limit; none is given if none of these is excluded by about as much as is asked."""
 AIMED_AT, ACCEPTED = 1.05, 1.3
 """√ of the rise of the deviance at which the next value aims, and up to which a limit is accepted, as a multiple of
 what is asked: below 1 it would be no limit."""
@@ -102,8 +102,10 @@ class _Side:
 
     @property
     def limit(self) -> float | None:
-        """The nearest value that a fit excludes."""
-        return None if self.outside is None else self.best_value + self.sign * self.outside[0]
+        """The nearest value that a fit excludes; None where a step of the deviance is all that excludes it: one
+        condition that walks or swims by chance says less than the rise it causes."""
+        found = self.outside is not None and self.settled
+        return self.best_value + self.sign * self.outside[0] if found and self.outside else None
 
     @property
     def settled(self) -> bool:
