@@ -135,12 +135,15 @@ def test_no_limit_is_set_on_a_step_of_the_deviance():
 
     def limit(deviance):
         side = _Side("b", "b", 1, 0.0, 0.0, np.sqrt(TWO_SIDED), 0.1, 1.0, 0.3, (0.0, 0.0))
-        for _ in range(ROUNDS):
+        for tried in range(2 * ROUNDS):
+            if tried == ROUNDS:
+                side.pass_the_step()
             if not side.settled:
                 side.look(deviance(side.tried))
         return side.limit
 
-    assert limit(lambda b: (b / 0.2) ** 2 + 7.0 * (b > 0.06)) is None
+    assert limit(lambda b: (b / 0.6) ** 2 + 7.0 * (b > 0.06)) is None
+    assert 1.96 * 0.1 < limit(lambda b: (b / 0.1) ** 2 + 7.0 * (b > 0.06)) < 0.6
     # Controls: a smooth rise, and one with a step too small to exclude anything.
     for step in (0.0, 1.0):
         found = limit(lambda b, step=step: (b / 0.05) ** 2 + step * (b > 0.06))

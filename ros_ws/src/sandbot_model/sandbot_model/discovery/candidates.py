@@ -57,11 +57,11 @@ def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit], criteria: 
 def nearly_claimed(fits: Sets, criteria: Criteria) -> str:
     """What an effect lacks for a claim if the sets with it outweigh all others; empty if there is none such."""
     weights = bic_weights(fits)
-    heavy = {key: sum(value for names, value in weights.items() if key[0] in names) for key in fits if len(key) == 1}
-    key = max(heavy, key=heavy.__getitem__, default=())
-    if heavy.get(key, 0.0) < HEAVY or not sound(fits[key]) or gains_enough(fits, key, (), criteria):
-        return ""
-    return f"{key[0]} {why_not_claimed(fits, fits[key], criteria)}"
+    for key, fit in fits.items():
+        heavy = len(key) == 1 and sum(value for names, value in weights.items() if key[0] in names) > HEAVY
+        if heavy and sound(fit) and not gains_enough(fits, key, (), criteria):
+            return f"{key[0]} {why_not_claimed(fits, fit, criteria)}"
+    return ""
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:
