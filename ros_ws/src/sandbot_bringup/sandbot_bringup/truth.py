@@ -29,8 +29,8 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
     """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1 or /2).
 
     Right verdicts are: adequate if nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden
-    set among the alternatives; partial with hidden effects only (or one of its alternatives with such). Everything else is wrong, including ``unexplained``
-    and ``untested``.
+    set among the alternatives; partial with hidden effects only, or with such an alternative. Everything else is wrong,
+    including ``unexplained`` and ``untested``.
     """
     status = verdict["status"]
     named = frozenset(verdict["effects"])
