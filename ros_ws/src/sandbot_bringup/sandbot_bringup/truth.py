@@ -29,8 +29,8 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
     """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1 or /2).
 
     Right verdicts are: adequate if nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden
-    set among the alternatives; partial with hidden effects only. Everything else is wrong, including ``unexplained``
-    and ``untested``.
+    set among the alternatives; partial with hidden effects only, or with such an alternative. Everything else is wrong,
+    including ``unexplained`` and ``untested``.
     """
     status = verdict["status"]
     named = frozenset(verdict["effects"])
@@ -41,9 +41,9 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
     if status == "identified":
         return Agreement(named == truth, f"the sealed truth holds {hidden}; the verdict named {_names(named)}")
     if status == "partial":
-        return Agreement(
-            named <= truth, f"the sealed truth holds {hidden}; the verdict was that {_names(named)} is part of it"
-        )
+        part = any(one <= truth for one in alternatives)
+        named_ones = " or ".join(sorted(map(_names, alternatives)))
+        return Agreement(part, f"the sealed truth holds {hidden}; the verdict was that {named_ones} is part of it")
     if status == "ambiguous":
         among = truth in alternatives
         where = "among" if among else "not among"

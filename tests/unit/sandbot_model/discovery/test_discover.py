@@ -39,6 +39,16 @@ def test_nothing_missing_is_adequate(drawn):
     assert found.next_trials == ()
 
 
+def test_the_sentence_has_the_p_of_the_fit_that_is_reported(drawn):
+    """With nuisances, here a zero of the lift off by a grain; not that of the fit from which the verdict was drawn."""
+    trials = drawn(seed=5)
+    found = discover(cells_of(dataclasses.replace(trials, lift_m=trials.lift_m + 2e-4)), FEW, max_effects=1)
+    assert found.verdict.status == "adequate"
+    (searched,) = (fit for fit in found.fits if not fit.effects)
+    told = [f"lack of fit p = {fit.lack_of_fit_p:.2g})" in found.verdict.because for fit in (found.fit, searched)]
+    assert told == [True, False]
+
+
 def test_what_would_not_show_is_listed_so_and_has_no_limit(drawn):
     effects = {name: catalogue()[name] for name in ("stance_overlap", "depth_nonlinearity")}
     found = discover(cells_of(drawn(seed=5)), effects, max_effects=1)

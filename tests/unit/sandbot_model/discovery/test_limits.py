@@ -9,7 +9,7 @@ import numpy as np
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.limits import ACCEPTED, ONE_SIDED, TWO_SIDED, Limit, limits
+from sandbot_model.discovery.limits import ACCEPTED, ONE_SIDED, ROUNDS, TWO_SIDED, Limit, _Side, limits
 from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
@@ -128,6 +128,26 @@ def test_the_report_gives_limits_as_the_command_does():
     two = (Limit("slow_phase_speed", "rho", "1", 0.9739, 1.0033, 1.0), Limit("leg_slip", "sigma", "1", None, 0.0085))
     ((table,),) = (section.tables for section in table_sections.limits(SimpleNamespace(limits=two)))
     assert [row[-2:] for row in table.rows] == [("0.9739", "1.0033"), ("–", "0.0085")]
+
+
+def test_no_limit_is_set_on_a_step_of_the_deviance():
+    """One condition that swims beyond 0.06 excludes nothing there: nothing else speaks against 0.15."""
+
+    def limit(deviance):
+        side = _Side("b", "b", 1, 0.0, 0.0, np.sqrt(TWO_SIDED), 0.1, 1.0, 0.3, (0.0, 0.0))
+        for tried in range(2 * ROUNDS):
+            if tried == ROUNDS:
+                side.pass_the_step()
+            if not side.settled:
+                side.look(deviance(side.tried))
+        return side.limit
+
+    assert limit(lambda b: (b / 0.6) ** 2 + 7.0 * (b > 0.06)) is None
+    assert 1.96 * 0.1 < limit(lambda b: (b / 0.1) ** 2 + 7.0 * (b > 0.06)) < 0.6
+    # Controls: a smooth rise, and one with a step too small to exclude anything.
+    for step in (0.0, 1.0):
+        found = limit(lambda b, step=step: (b / 0.05) ** 2 + step * (b > 0.06))
+        assert TWO_SIDED <= (found / 0.05) ** 2 + step <= ACCEPTED**2 * TWO_SIDED
 
 
 def test_a_limit_that_excludes_no_plausible_value_is_none(drawn):

@@ -66,6 +66,8 @@ def rivals(monkeypatch, between, trials=100):
     """Fits by name of so many trials, that differ by ``between(first name, second name)``."""
     monkeypatch.setattr(module, "between", between)
     monkeypatch.setattr(module.Predicted, "by", lambda fit: fit.effects[0])
+    own = lambda first, second, chosen, _: [one for one in chosen if one.separates == (first, second)]  # noqa: E731
+    monkeypatch.setattr(module, "_after_refitting", own)
     return lambda names: [SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=trials)) for name in names]
 
 
@@ -112,6 +114,35 @@ def test_what_would_take_more_replicates_than_there_are_trials_is_not_proposed(m
     found, out_of_reach = trials_to_exclude(base, unseen)
     assert len(found) == proposed
     assert out_of_reach == ([] if proposed else ["near", "far"])
+
+
+@pytest.mark.parametrize(
+    ("shift_sd", "replicates"),
+    # The refit of a set whose parameter moves the predictions as the gap does, by so many times their noise. Control:
+    # that would cost the other data as much.
+    [(1.0, None), (0.01, 31), (0.25, 70)],
+)
+def test_no_trial_is_proposed_whose_gap_a_refit_takes_up(monkeypatch, shift_sd, replicates):
+    def predicted(name, speed):
+        one = np.zeros((1, 1, 4))
+        return Predicted(
+            name=name,
+            gait="UNIFORM",
+            phi=np.array([0.6]),
+            omega=np.array([9.0]),
+            noise=np.full(4, 0.005),
+            trials=one + np.array([speed, 0.0, 0.0, 0.0]),
+            moves=one[None] + 0.005 * np.array([shift_sd, 0.0, 0.0, 0.0]),
+            scatter=one,
+            depth_m=np.array([0.02]),
+            force=np.ones((1, 1)),
+            force_sd=np.ones((1, 1)),
+        )
+
+    sets = {"a": predicted("a", 0.10), "b": predicted("b", 0.10 + 0.9 * 0.005)}
+    monkeypatch.setattr(module.Predicted, "by", lambda fit: sets[fit.effects[0]])
+    found = next_trials([SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=100)) for name in sets])
+    assert [trial.replicates for trial in found] == ([] if replicates is None else [pytest.approx(replicates, abs=3)])
 
 
 def test_trials_that_would_exclude_effects_are_chosen_as_those_that_separate_sets_are(monkeypatch):

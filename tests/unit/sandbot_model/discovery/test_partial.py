@@ -11,7 +11,7 @@ from sandbot_model.discovery import discover as discovery
 from sandbot_model.discovery import partial
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.partial import mostly_repaired, without
+from sandbot_model.discovery.partial import beyond_its_range, mostly_repaired, without
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import from_rows
@@ -97,8 +97,25 @@ def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("inertial_drag",))
     assert "inertial_drag.lambda_1 = " in found.verdict.because
     assert "beyond the end of 0.5 to 2" in found.verdict.because
+    assert ("where the search ended" in found.verdict.because) == bool(found.fit.stopped)
     assert found.partial.fails == ()
     assert len(found.partial.holds) == 4
+
+
+@pytest.mark.parametrize(("f_c_n", "names"), [(1.5, {"cable_drag", "bed_slope"}), (0.6, set())])
+def test_how_wide_its_range_is_beats_no_rival(drawn, f_c_n, names):
+    """A cable as strong is a slope but for its cosine; the search for the cable ends at half of that."""
+    some = {name: catalogue()[name] for name in ("bed_slope", "cable_drag")}
+    values = {"cable_drag": {"f_c_n": f_c_n}}
+    cells = cells_of(drawn(("cable_drag",), seed=5, levels=3, omega=(4, 8, 12, 16, 24), values=values))
+    search = EffectSearch(cells, some, "simple")
+    search.run(1)
+    found = beyond_its_range(search)
+    assert {name for sets in (found[0].alternatives if found else ()) for name in sets} == names
+    if found:
+        assert "does as well" in found[0].because
+        assert search.fits["cable_drag",].parameters["cable_drag.f_c_n"].value == pytest.approx(f_c_n, abs=0.05)
+        assert search.fits["cable_drag",].errors_hold
 
 
 @pytest.mark.slow

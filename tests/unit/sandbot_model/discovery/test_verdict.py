@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sandbot_model.discovery import verdict
+from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import claim_threshold, earns_place, judge, passes
 from sandbot_model.fitting.goodness import Estimate
@@ -143,6 +144,21 @@ def test_a_gain_just_below_what_is_needed_is_given_with_the_digits_that_show_it(
     monkeypatch.setattr(verdict, "overdispersion", lambda _fit: 1.0)
     base = made(deviance=60.0 + gain, p=1e-9)
     assert said in judged(base, made("a", deviance=60.0)).because
+
+
+@pytest.mark.parametrize(
+    ("gain", "more", "said"),
+    [
+        (19.0, {}, "a gains 19, less than the 22 that an effect must"),
+        # Controls: it does not outweigh the base model; it gains enough; nobody would believe it.
+        (4.0, {}, ""),
+        (40.0, {}, ""),
+        (19.0, {"at_bounds": ("a.x",)}, ""),
+    ],
+)
+def test_what_outweighs_an_adequate_model_says_what_it_lacks(gain, more, said):
+    fits = (made(deviance=60.0), made("a", deviance=60.0 - gain, **more), made("b", deviance=59.0))
+    assert nearly_claimed({fit.effects: fit for fit in fits}, Criteria()) == said
 
 
 def test_where_nothing_can_be_tested_nothing_is_claimed():

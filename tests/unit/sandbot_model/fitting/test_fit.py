@@ -169,6 +169,25 @@ def test_a_model_that_fails_or_cannot_be_tested_is_given_without_standard_errors
         assert passing.value_text(value, stderr) == with_error(value, stderr)
 
 
+def test_beside_an_effect_that_the_end_of_its_search_stopped_nothing_has_a_standard_error(slipping):
+    parameter = slipping.model.parameter("leg_slip.sigma")
+    index = slipping.model.names.index("leg_slip.sigma")
+
+    def with_slip(sigma):
+        theta = slipping.point.theta.copy()
+        theta[index] = sigma
+        return replace(slipping, point=replace(slipping.point, theta=theta))
+
+    stopped = with_slip(parameter.search[1])
+    assert stopped.stopped == ("leg_slip.sigma",)
+    assert "±" not in repr(stopped)
+    assert stopped.to_dict()["parameters"]["delta_t_s"]["stderr"] > 0
+    # Controls: beyond its plausible range, and where it vanishes.
+    for held in (1.2 * parameter.high, parameter.neutral):
+        assert with_slip(held).stopped == ()
+        assert "±" in repr(with_slip(held))
+
+
 def as_tested(fit, p, known):
     """A fit with this p of lack of fit and so many degrees of freedom of pure error."""
     cells = replace(fit.cells, pure_error_dof=np.full(4, known))

@@ -6,9 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import Sets, doubtful_values, leaves_nothing
+from sandbot_model.discovery.verdict import (
+    Sets,
+    doubtful_values,
+    gains_enough,
+    leaves_nothing,
+    sound,
+    why_not_claimed,
+)
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
+
+HEAVY = 0.5
+"""Weight of the sets with an effect from which an adequate verdict says why it is not claimed."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,16 @@ def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit], criteria: 
     helpful = {(one.effect,) for one in found if one.delta_bic < 0}
     suffice = [fit for fit in fits if fit.effects in helpful and leaves_nothing(fit, criteria)]
     return {fit.effects[0]: values for fit in suffice if (values := doubtful_values(fit))}
+
+
+def nearly_claimed(fits: Sets, criteria: Criteria) -> str:
+    """What an effect lacks for a claim if the sets with it outweigh all others; empty if there is none such."""
+    weights = bic_weights(fits)
+    for key, fit in fits.items():
+        heavy = len(key) == 1 and sum(value for names, value in weights.items() if key[0] in names) > HEAVY
+        if heavy and sound(fit) and not gains_enough(fits, key, (), criteria):
+            return f"{key[0]} {why_not_claimed(fits, fit, criteria)}"
+    return ""
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

@@ -22,7 +22,7 @@ from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
-from sandbot_model.discovery.candidates import Candidate, candidates, only_implausible
+from sandbot_model.discovery.candidates import Candidate, candidates, nearly_claimed, only_implausible
 from sandbot_model.discovery.conventions import (
     admit_rivals,
     conventions,
@@ -31,7 +31,7 @@ from sandbot_model.discovery.conventions import (
     try_within_pairs,
 )
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.formula_search import (
     formula_on_top_of,
     formula_to_try,
@@ -45,6 +45,7 @@ from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_t
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
 from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
+from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, implausible_k
 from sandbot_model.discovery.residual import SuggestedFormula
@@ -59,7 +60,15 @@ from sandbot_model.discovery.sharing import (
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import Shift, equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import plainly_missed, to_run, untested
-from sandbot_model.discovery.verdict import EXPLAINS_ALL, Sets, Verdict, judge, refused_as_implausible, sound
+from sandbot_model.discovery.verdict import (
+    EXPLAINS_ALL,
+    Sets,
+    Verdict,
+    judge,
+    p_in_words,
+    refused_as_implausible,
+    sound,
+)
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -158,10 +167,10 @@ class Discovery:
     @property
     def headline(self) -> str:
         """The verdict in a few words: ``identified: stance_overlap``, ``ambiguous: one of 2 sets: a; b``."""
+        sets = [" + ".join(map(self.in_words, names)) for names in self.verdict.alternatives]
         if self.verdict.status == "ambiguous":
-            sets = [" + ".join(map(self.in_words, names)) for names in self.verdict.alternatives]
             return f"ambiguous: one of {len(sets)} sets: {'; '.join(sets)}"
-        named = " + ".join(map(self.in_words, self.verdict.effects))
+        named = " or ".join(sets)
         return f"{self.verdict.status}: {named}" if named else self.verdict.status
 
     @property
@@ -242,7 +251,10 @@ def _discovered(
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
     below = search.ladder(verdict)[:-1]
+    # The sentence was written about the fit without nuisances.
+    told = p_in_words(search.fits[verdict.effects])
     named, reported = _reported(search, named)
+    verdict = replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(told, 1)))
     if rival:
         verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
     floor = noise_floor(cells)
@@ -295,7 +307,7 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
     partial = None
     if found.verdict.status in EXPLAINS_ALL and admit_rivals(search, search.fits[found.verdict.effects]):
         found = _judged(search)
-    found = _refused_for_a_formula(search, found) or found
+    found = _refused_for_the_other_sign(search, found) or _refused_for_a_formula(search, found) or found
     # One observable cannot distinguish conventions; without effects there are none.
     searched = not preset and len(search.fits) > 1
     if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
@@ -347,9 +359,11 @@ def _with_remarks(
     because = [verdict.because]
     if strange := implausible_k(search.fits[()]):
         because.append(strange)
+    if verdict.status == "adequate":
+        because.append(nearly_claimed(search.fits, search.criteria))
     if hidden:
         because.append(_not_excluded(hidden, trials, out_of_reach, search))
-    if verdict.status == "ambiguous":
+    if len(verdict.alternatives) > 1:
         because.append(_most_discriminating(trials, controls, search.criteria))
     if verdict.status in WIDENED:
         because.append(one_value.in_words(search.cells))
@@ -379,6 +393,16 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
+def _refused_for_the_other_sign(search: EffectSearch, found: Shared) -> Shared | None:
+    """The refusal of a claim, each set of which has an effect under another convention, that an effect of one sign
+    equals with the other; None for others."""
+    verdict = found.verdict
+    if verdict.status not in EXPLAINS_ALL or not all(search.fits[names].variants for names in verdict.alternatives):
+        return None
+    refused = refused_for_the_other_sign(search, verdict, refitted_as_claimed(search, found))
+    return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
+
+
 def _judged(search: EffectSearch) -> Shared:
     """The verdict on all sets fitted so far, with nuisances and with the reported standard errors."""
     search.resolve_unknown_errors()
@@ -399,16 +423,24 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
     most = beyond_its_range(search)
     if most and not conventions([search.fits[most[0].effects]]) and (part := _unless_a_formula(search, most)):
         return part
-    if better and _is_conclusive(search, found := _judged(search)):
+    if better and (found := _settled(search, usual)):
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
         if part := _unless_a_formula(search, mostly_repaired(search)):
             return part
     for tried in (try_beside_the_leader, try_within_pairs):
-        if tried(search) and _is_conclusive(search, found := _judged(search)):
+        if tried(search) and (found := _settled(search, usual)):
             return found, None
     return replace(unexplained, fits=usual), None
+
+
+def _settled(search: EffectSearch, usual: dict[Names, Fit]) -> Shared | None:
+    """The verdict under other conventions if it may stand, or its refusal, which rests on the ``usual`` fits."""
+    found = _judged(search)
+    if refused := _refused_for_the_other_sign(search, found):
+        return replace(refused, fits=usual)
+    return found if _is_conclusive(search, found) else None
 
 
 def _is_conclusive(search: EffectSearch, found: Shared) -> bool:

@@ -17,7 +17,8 @@ from sandbot_model.physics.effect import Parameter
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
 ROUNDS = 4
-"""Values tried for each limit; none is given if none of these is excluded."""
+"""Values tried for each limit, and again beyond a step of the deviance; none is given if none of these is excluded by
+about as much as is asked."""
 AIMED_AT, ACCEPTED = 1.05, 1.3
 """√ of the rise of the deviance at which the next value aims, and up to which a limit is accepted, as a multiple of
 what is asked: below 1 it would be no limit."""
@@ -66,7 +67,10 @@ def limits(search: EffectSearch, named: Fit, hidden: Container[str] = ()) -> lis
     on those that are ``hidden`` at their usual strength. No limit excludes the neutral value."""
     strengths = {name: parameter for name, parameter in search.strengths(named.effects) if name not in hidden}
     sides = _sides(search, named, strengths)
-    for _ in range(ROUNDS):
+    for tried in range(2 * ROUNDS):
+        if tried == ROUNDS:
+            for side in sides:
+                side.pass_the_step()
         sought = [side for side in sides if not side.settled]
         for side, deviance in zip(sought, _held(search, named, sought), strict=True):
             side.look(deviance)
@@ -102,8 +106,9 @@ class _Side:
 
     @property
     def limit(self) -> float | None:
-        """The nearest value that a fit excludes."""
-        return None if self.outside is None else self.best_value + self.sign * self.outside[0]
+        """The nearest value that a fit excludes; None where only a step of the deviance does: a condition that walks or
+        swims there by chance says less than the rise it causes."""
+        return self.best_value + self.sign * self.outside[0] if self.outside is not None and self.settled else None
 
     @property
     def settled(self) -> bool:
@@ -120,6 +125,17 @@ class _Side:
             self.outside = here
         else:
             self.inside = here
+        self._aim()
+
+    def pass_the_step(self) -> None:
+        """If a step of the deviance is in the way, go on from its far end: the rise counts from there."""
+        if self.outside is not None and not self.settled:
+            self.deviance += self.outside[1] ** 2
+            self.inside, self.outside = (self.outside[0], 0.0), None
+            self._aim()
+
+    def _aim(self) -> None:
+        """Choose what to try next."""
         (near, low), aim = self.inside, AIMED_AT * self.root_asked
         if self.outside is None:
             self.tried = min(near * min(aim / max(low, 1e-9), OUTWARDS), self.room)

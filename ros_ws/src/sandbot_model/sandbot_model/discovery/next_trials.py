@@ -9,6 +9,7 @@ import numpy as np
 
 from sandbot_common.robot import Robot
 from sandbot_model.data.penetrometer import USUAL_SD
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import clock_signal
@@ -81,10 +82,14 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
     ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them. All that separate
     a pair share the replicates that this takes. One that alone would need more replicates than there are trials is not
-    within reach.
+    within reach. Nor are those of a pair of which one set, refitted, could explain all that is chosen.
     """
-    pairs = combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)
-    return _chosen([between(*pair) for pair in pairs], contenders[0].cells.trials) if len(contenders) > 1 else []
+    if len(contenders) < 2:
+        return []
+    pairs, within_reach = list(combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)), contenders[0].cells.trials
+    chosen = _chosen([between(*pair) for pair in pairs], within_reach)
+    kept = [trial for pair in pairs for trial in _after_refitting(*pair, chosen, within_reach)]
+    return sorted(kept, key=lambda trial: -trial.expected_gap_sd)
 
 
 def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
@@ -170,12 +175,19 @@ class Predicted:
     """Standard deviation of one replicate ``(4,)``."""
     trials: Array
     """Observables ``(φ, ω, 4)``."""
-    variance: Array
-    """Variance of ``trials`` from the uncertainty of the parameters and the scatter of φ, ``(φ, ω, 4)``."""
+    moves: Array
+    """Changes of ``trials`` with the parameters ``(m, φ, ω, 4)``, the sum of whose products is their covariance."""
+    scatter: Array
+    """Variance of ``trials`` from the scatter of φ, ``(φ, ω, 4)``."""
     depth_m: Array
     force: Array
     """Force of the penetrometer ``(φ, depths)``."""
     force_sd: Array
+
+    @property
+    def variance(self) -> Array:
+        """Variance of ``trials`` from the uncertainty of the parameters and the scatter of φ, ``(φ, ω, 4)``."""
+        return np.asarray((self.moves**2).sum(axis=0) + self.scatter)
 
     @classmethod
     def by(cls, fit: Fit) -> "Predicted":
@@ -192,11 +204,49 @@ class Predicted:
             omega=omega[0],
             noise=np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy)),
             trials=fit.predict(phi, omega).observables,
-            variance=fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2,
+            moves=fit.deviations(phi, omega),
+            scatter=(0.5 * (sides[1] - sides[0])) ** 2,
             depth_m=at_depth[0],
             force=force.reshape(at_phi.shape),
             force_sd=np.broadcast_to(force_sd, force.shape).reshape(at_phi.shape),
         )
+
+
+def _after_refitting(
+    first: Predicted, second: Predicted, chosen: Sequence[NextTrial], within_reach: int
+) -> list[NextTrial]:
+    """Of the chosen measurements those that are to separate this pair, the trials with so many replicates that a refit
+    of neither makes up for what all show; no trials where that takes more than are ``within_reach``."""
+    own = [trial for trial in chosen if trial.separates == (first.name, second.name)]
+    trials, readings = ([trial for trial in own if trial.kind == kind] for kind in ("trial", "reading"))
+    others = [trial for trial in chosen if trial.kind == "trial" and trial not in own]
+    while trials and _chi2_after_refitting(first, second, [*trials, *others]) < DEFAULT.clearly:
+        trials = [replace(trial, replicates=2 * trial.replicates) for trial in trials]
+        if max(trial.replicates for trial in trials) > within_reach:
+            trials = []
+    return [*trials, *readings]
+
+
+def _chi2_after_refitting(first: Predicted, second: Predicted, trials: Sequence[NextTrial]) -> float:
+    """χ² that these trials are expected to leave if one set is true and the other is refitted to them and all data, to
+    first order: gᵀ(N + S)⁻¹g with the gaps g of all observables, their noise N, and the covariance S of the refitted
+    set's predictions. The smaller of both ways round."""
+    phi, omega = (
+        [int(np.flatnonzero(axis == at)[0]) for at in values]
+        for axis, values in (
+            (first.phi, [trial.phi for trial in trials]),
+            (first.omega, [trial.omega_rad_s for trial in trials]),
+        )
+    )
+    count = np.array([trial.replicates for trial in trials])[:, None]
+    gap = (first.trials - second.trials)[phi, omega].ravel()
+
+    def left(refitted: Predicted) -> float:
+        moves = refitted.moves[:, phi, omega].reshape(len(refitted.moves), -1)
+        noise = np.diag(((first.noise**2 + refitted.scatter[phi, omega]) / count).ravel())
+        return float(gap @ np.linalg.solve(noise + moves.T @ moves, gap))
+
+    return min(left(first), left(second))
 
 
 def known_gait(gait: str) -> str:

@@ -3,15 +3,18 @@
 Three cases, tried in this order:
 
 1. The effect shows no lack of fit and no other comes near, but a parameter of it is beyond its plausible range: its
-   formula may have another form here, or the range may be too narrow.
+   formula may have another form here, or the range may be too narrow. Where the search for an effect ended, it is
+   searched further first: how wide the ranges are decides nothing. If others then do as well, all are named.
 2. The effect shows no lack of fit once one observable is left out, which may be wrong (another convention, a camera).
    It is not named if the base model then fits too (only the observable is wrong), or if another effect does about as
    well with the same or another observable left out.
 3. The effect leaves a small rest, and leads clearly whichever observable is left out.
 """
 
+import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -22,6 +25,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import (
     Verdict,
     doubtful_parameters,
+    doubtful_values,
     earns_place,
     gains_enough,
     leaves_nothing,
@@ -33,6 +37,8 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.variants import NEW
 
@@ -42,6 +48,8 @@ LEAST_OBSERVABLES = 3
 """Observables needed, so that without one the others still distinguish effects."""
 TRIED = 4
 """Single effects that are refitted with an observable left out, those with the least expected χ²."""
+OPEN = 10.0
+"""Widths of the plausible range by which the search goes beyond it where an effect was stopped at its end."""
 HOPELESS = 4.0
 """χ² per degree of freedom, to first order, from which a refit to the other observables is not worth trying."""
 
@@ -81,7 +89,8 @@ def mostly_repaired(search: EffectSearch) -> tuple[Verdict, Partial] | None:
 
 def beyond_its_range(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     """The verdict where one effect shows no lack of fit and no other comes near, but a parameter is out of range."""
-    return _verdict_from(search, lambda search, _: _all_but_plausibility(search))
+    found = _verdict_from(search, lambda search, _: _all_but_plausibility(search))
+    return found and _with_those_as_good(search, *found)
 
 
 def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial] | None:
@@ -186,16 +195,66 @@ def _all_but_plausibility(search: EffectSearch) -> Found | None:
 
     The parameter of a convention does not count as its own: out of range, it is a formula that nobody would write.
     """
-    singles, leader = _singles(search)
-    (effect,) = leader.model.effects
-    own = {f"{effect.identifier}.{parameter.name}" for parameter in effect.parameters if parameter.doc != NEW}
-    beyond = doubtful_parameters(leader)
-    if not beyond or not own.issuperset(beyond) or not leaves_nothing(leader, search.criteria):
+    if not _lacks_only_plausibility(_singles(search)[1], search.criteria):
         return None
-    margin = search.criteria.clearly * overdispersion(leader)
-    alone = all(fit.bic - leader.bic > margin for fit in singles.values() if fit is not leader)
-    alone = alone and gains_enough(singles, leader.effects, (), search.criteria)
-    return (singles, leader.effects, []) if alone else None
+    opened = _searched_further(search)
+    singles, leader = _singles(search, opened)
+    near = _as_good(singles, leader, search.criteria)
+    by_the_search = not near or any(fit.effects in opened for fit in (leader, *near))
+    if not by_the_search or not all(_lacks_only_plausibility(fit, search.criteria) for fit in (leader, *near)):
+        return None
+    if not gains_enough(singles, leader.effects, (), search.criteria):
+        return None
+    search.fits |= {fit.effects: fit for fit in (leader, *near)}
+    return singles, leader.effects, []
+
+
+def _lacks_only_plausibility(fit: Fit, criteria: Criteria) -> bool:
+    """Whether a single effect leaves no lack of fit, with parameters of its own out of range, and no others."""
+    if not fit.model.effects:
+        return False
+    (effect,) = fit.model.effects
+    own = {f"{effect.identifier}.{parameter.name}" for parameter in effect.parameters if parameter.doc != NEW}
+    beyond = doubtful_parameters(fit)
+    return bool(beyond) and own.issuperset(beyond) and leaves_nothing(fit, criteria)
+
+
+def _searched_further(search: EffectSearch) -> dict[Names, Fit]:
+    """The single effects that an end of the search stopped, fitted again without that end."""
+    stopped = [fit for names, fit in search.fits.items() if len(names) == 1 and fit.stopped]
+    models = [
+        model_of(search.base, fit.effects, {**fit.model.catalogue, fit.effects[0]: _opened(fit)}, search.cells.robot)
+        for fit in stopped
+    ]
+    tasks = [(model, search.cells, (fit.warm_start,), None) for model, fit in zip(models, stopped, strict=True)]
+    points = search.fit_all(solve_near, tasks)
+    return {model.identifiers: fitted_at(model, search.cells, at) for model, at in zip(models, points, strict=True)}
+
+
+def _opened(fit: Fit) -> Effect:
+    """The effect of a fit with a wider search for its ``stopped`` parameters."""
+    (effect,) = fit.model.effects
+    opened = copy.copy(effect)
+    opened.parameters = tuple(
+        replace(parameter, reach=OPEN) if f"{effect.identifier}.{parameter.name}" in fit.stopped else parameter
+        for parameter in effect.parameters
+    )
+    return opened
+
+
+def _as_good(singles: Mapping[Names, Fit], leader: Fit, criteria: Criteria) -> list[Fit]:
+    """The other fits that the best single effect does not clearly beat, the best first."""
+    most = leader.bic + criteria.clearly * overdispersion(leader)
+    return sorted((fit for fit in singles.values() if fit is not leader and fit.bic <= most), key=lambda fit: fit.bic)
+
+
+def _with_those_as_good(search: EffectSearch, verdict: Verdict, partial: Partial) -> tuple[Verdict, Partial]:
+    """The verdict, with the effects that do as well as the one it names."""
+    leader = search.fits[verdict.effects]
+    near = _as_good(_singles(search)[0], leader, search.criteria)
+    as_well = [f"{fit.effects[0]} with {doubtful_values(fit)} does as well" for fit in near]
+    alternatives = (*verdict.alternatives, *(fit.effects for fit in near))
+    return Verdict("partial", verdict.effects, alternatives, "; ".join((verdict.because, *as_well))), partial
 
 
 def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
@@ -214,9 +273,9 @@ def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> 
     return singles, leader.effects, failing
 
 
-def _singles(search: EffectSearch) -> tuple[dict[Names, Fit], Fit]:
-    """The fits of the base model and of all single effects, and the best single effect."""
-    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
+def _singles(search: EffectSearch, instead: Mapping[Names, Fit] = MappingProxyType({})) -> tuple[dict[Names, Fit], Fit]:
+    """The fits of the base model and of all single effects, some of them others ``instead``; the best single effect."""
+    singles = {names: instead.get(names, fit) for names, fit in search.fits.items() if len(names) < 2}
     return singles, min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
 
 
@@ -262,8 +321,9 @@ def _because(found: Partial, at: Fit) -> str:
 
 
 def _out_of_range(fit: Fit, name: str) -> str:
-    """The value of a doubtful parameter, and its plausible range."""
+    """The value of a doubtful parameter, its plausible range, and whether the search ended there."""
     parameter = fit.model.parameter(name)
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     value = f"{fit.parameters[name].value:.3g}{unit}"
-    return f"{name} = {value} is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"
+    ended = ", where the search ended," if name in fit.stopped else ""
+    return f"{name} = {value}{ended} is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"

@@ -180,7 +180,7 @@ def _base_suffices(base: Fit) -> str:
     """That the base model shows no lack of fit, and at which implausible values."""
     scatter = "the error bars" if base.cells.error_bars else "the scatter of replicates"
     only = only_with(base)
-    return f"the {base.model.base} model misses the cell means by no more than {scatter} {_p(base)}" + (
+    return f"the {base.model.base} model misses the cell means by no more than {scatter} {p_in_words(base)}" + (
         f", but {only}" if only else ""
     )
 
@@ -222,7 +222,7 @@ def _because(fits: Sets, best: Fit) -> str:
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
-        f"leave nothing to explain {_p(best)}{rest}"
+        f"leave nothing to explain {p_in_words(best)}{rest}"
     )
 
 
@@ -251,12 +251,12 @@ def _not_the_best_fit(best: Fit, better: Fit) -> Verdict:
 def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
     best = best_earned(fits, criteria)
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
-    missed = f"{named} still fails {_p(best)}{_where_it_fails(best)}"
+    missed = f"{named} still fails {p_in_words(best)}{_where_it_fails(best)}"
     enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
     if enough:
         would = min(enough, key=lambda fit: (len(fit.effects), fit.bic))
         tried = f"{_name(would.effects)} would leave {_nothing(would)}, but "
-        tried += _not_claimed(fits, would, criteria)
+        tried += why_not_claimed(fits, would, criteria)
     else:
         tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
     return Verdict("unexplained", (), (), f"{tried}: {missed}")
@@ -282,8 +282,8 @@ def refused_as_implausible(fit: Fit) -> Verdict:
     return Verdict("unexplained", (), (), would)
 
 
-def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
-    """Why a set that shows no lack of fit is not claimed."""
+def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
+    """Why a set that shows no lack of fit, not all of whose effects gain enough, is not claimed."""
     if doubtful_parameters(fit):
         return only_with(fit)
     part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
@@ -316,8 +316,9 @@ def _name(effects: tuple[str, ...]) -> str:
 
 
 def _nothing(fit: Fit) -> str:
-    return f"{fit.cells.pure_error_from} nothing to explain {_p(fit)}"
+    return f"{fit.cells.pure_error_from} nothing to explain {p_in_words(fit)}"
 
 
-def _p(fit: Fit) -> str:
+def p_in_words(fit: Fit) -> str:
+    """``(lack of fit p = 0.43)``."""
     return f"(lack of fit p = {fit.lack_of_fit_p:.2g})"

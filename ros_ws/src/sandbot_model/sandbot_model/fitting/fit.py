@@ -56,9 +56,10 @@ class Fit(Fitted):
 
     @property
     def errors_hold(self) -> bool:
-        """Whether standard errors have a meaning: a test able to reveal a gross lack of fit has been passed."""
+        """Whether standard errors have a meaning: a test able to reveal a gross lack of fit has been passed, and no
+        effect is ``stopped``, as its strength, held where the search ended, moves all other values."""
         tested = goodness.undetected_miss(int(self.cells.pure_error_dof.max())) <= GROSS
-        return tested and self.lack_of_fit_p >= LACK_OF_FIT
+        return tested and self.lack_of_fit_p >= LACK_OF_FIT and not self.stopped
 
     @property
     def out_of_sample(self) -> str:

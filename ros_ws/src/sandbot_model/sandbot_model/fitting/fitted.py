@@ -155,6 +155,12 @@ class Fitted:
         """Parameters at an end of their search range, of those that the data determine."""
         return tuple(filter(self.determines, goodness.at_bounds(self.problem, self.point.theta)))
 
+    @property
+    def stopped(self) -> tuple[str, ...]:
+        """Parameters of effects that only an end of their search range stopped: values beyond it were not tried."""
+        ends = {name: self.model.parameter(name).ends_at(self.parameters[name].value) for name in self.at_bounds}
+        return tuple(name for name, end in ends.items() if "." in name and end is not None)
+
     @cached_property
     def implausible(self) -> tuple[str, ...]:
         """Parameters three standard errors or more outside their plausible range, of those that the data determine."""

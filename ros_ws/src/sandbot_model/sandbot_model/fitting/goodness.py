@@ -120,7 +120,8 @@ def cells_missed(failing: Iterable[Fail]) -> int:
 
 
 def joint_p(chi2: float, dof: int, cells: Cells) -> float:
-    """Lack-of-fit F test of all observables together against pure error; NaN without replicates."""
+    """Lack-of-fit F test of all observables together against pure error, on the degrees of freedom of the observable
+    known best (not their sum, see docs/statistics.md); NaN without replicates."""
     error_dof = int(cells.pure_error_dof.max())
     if dof < 1 or error_dof < 1:
         return float("nan")

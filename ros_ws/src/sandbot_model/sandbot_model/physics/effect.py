@@ -34,6 +34,8 @@ class Parameter:
     hard_high: float = np.inf
     symbol: str = ""
     """Its symbol in the effect's formula; empty if that is its name."""
+    reach: float = 0.5
+    """How far a fit may search beyond the plausible range, in units of its width."""
 
     @property
     def width(self) -> float:
@@ -42,9 +44,15 @@ class Parameter:
 
     @property
     def search(self) -> tuple[float, float]:
-        """The plausible range widened by half its width to either side, so that a fit may leave it and be seen to."""
-        margin = 0.5 * self.width
+        """The plausible range widened by ``reach`` to either side, so that a fit may leave it and be seen to."""
+        margin = self.reach * self.width
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
+
+    def ends_at(self, value: float) -> float | None:
+        """The end of ``search`` next to a value; None if it is a physical one, or the effect vanishes there."""
+        end = min(self.search, key=lambda end: abs(end - value))
+        hard = min(abs(end - self.hard_low), abs(end - self.hard_high)) < 1e-9 * self.width
+        return None if hard or end == self.neutral else end
 
     def with_unit(self, value: float) -> str:
         """A value of it with its unit: ``0.4 s``."""

@@ -25,9 +25,8 @@ def of_discovery(found: Discovery) -> str:
     lines = [styled(filled(head), _STYLES.get(verdict.status, "open"))]
     named = verdict.effects if verdict.status != "ambiguous" else ()
     lines += [filled(line, "  ") for name in named for line in _in_words(name, found.fit)]
-    if verdict.status == "ambiguous":
-        of_class = dict.fromkeys(name for names in verdict.alternatives for name in names)
-        lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in of_class]
+    others = dict.fromkeys(name for names in verdict.alternatives for name in names if name not in named)
+    lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in others]
     lines.append(filled(errors(found.steps), "  "))
     stability = found.stability_in_words
     lines += ["", filled(f"why: {verdict.because}{stability and f'; {stability}'}")]
