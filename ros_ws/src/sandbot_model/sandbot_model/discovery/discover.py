@@ -12,6 +12,7 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from html import escape
 from itertools import chain
 from typing import Any
@@ -39,6 +40,7 @@ from sandbot_model.discovery.formula_search import (
     repairs_something,
 )
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.discovery.leg_radius import instead_of_a_reading, instead_of_effects
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
@@ -243,9 +245,13 @@ def _discovered(
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
-    if rival:
-        reported = averaged_with(reported, rival)
-        verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
+    legs = instead_of_a_reading(search, named) if verdict.status in ("adequate", *CLAIMS) else None
+    if others := [*([rival] if rival else []), *([legs.fit] if legs else [])]:
+        reported = reduce(averaged_with, others, reported)
+        size = f"; {legs.in_words(cells.robot)} explain as much: measure them" if legs else ""
+        covered = "both" if len(others) == 1 else "all three"
+        because = f"{verdict.because}{size} (standard errors of Δt and k cover {covered})"
+        verdict = replace(verdict, because=because)
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
@@ -295,11 +301,19 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
     if found.verdict.status in CLAIMS and admit_rivals(search, search.fits[found.verdict.effects]):
         found = _judged(search)
     found = _refused_for_a_formula(search, found) or found
-    # One observable cannot distinguish conventions; without effects there are none.
     searched = not preset and len(search.fits) > 1
+    if searched and (legs := _explained_by_legs(search, found)):
+        return legs, None
+    # One observable cannot distinguish conventions; without effects there are none.
     if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
     return found, partial
+
+
+def _explained_by_legs(search: EffectSearch, found: Shared) -> Shared | None:
+    """The refusal of a verdict where legs of another radius explain as much; else None."""
+    legs = instead_of_effects(search, found) if found.verdict.status in ("unexplained", *CLAIMS) else ""
+    return Shared(_robot_in_doubt([legs]), search.fits, search.fits[()]) if legs else None
 
 
 def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:

@@ -11,7 +11,6 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
-from sandbot_model.discovery.candidates import bic_weights
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -134,9 +133,9 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
 def averaged_with(fit: Fit, other: Fit) -> Fit:
     """The same fit with the rms errors about it of both models, each with its BIC weight: either may be true.
 
-    ``other`` has all parameters of the fit, and more.
+    ``other`` has all parameters of the fit.
     """
-    weight = bic_weights({fit.effects: fit, other.effects: other})[other.effects]
+    weight = 1.0 / (1.0 + np.exp(0.5 * np.clip(other.bic - fit.bic, -1400.0, 1400.0)))
     names = list(other.model.names)
     own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
     there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
