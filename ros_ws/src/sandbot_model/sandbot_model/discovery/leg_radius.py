@@ -14,11 +14,12 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
 from sandbot_model.discovery.batch_sd import ALIKE, batch_sd_of
+from sandbot_model.discovery.calibration_error import has_rival
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, nuisances_for
 from sandbot_model.discovery.plausibility import DIFFERENT
 from sandbot_model.discovery.sharing import Shared
-from sandbot_model.discovery.verdict import CLAIMS, overdispersion, parts_of, passes
+from sandbot_model.discovery.verdict import CLAIMS, parts_of, passes
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.nuisances import Nuisances
@@ -58,20 +59,31 @@ def instead_of_a_reading(search: EffectSearch, named: Fit) -> Legs | None:
 
 def instead_of_effects(search: EffectSearch, found: Shared) -> str:
     """One clause: legs with which fewer effects explain as much as what is claimed, or which explain data that nothing
-    else does; empty if there are none, or one effect is claimed without a suspect zero or scale."""
+    else does; empty if there are none, or ``_may_be_legs`` says no."""
     claimed = found.verdict.alternatives if found.verdict.status in CLAIMS else ()
-    if claimed and max(map(len, claimed)) < 2 and not any(cost > SUSPECT**2 for cost in _costs(found.named)):
+    if claimed and not _may_be_legs(search, found):
         return ""
     parts = Counter(part for names in claimed for part in parts_of(names, search.fits) if part)
     batch_sd = batch_sd_of(found.named) if found.named.nuisances else ALIKE
     for part in ((), *(part for part, _ in parts.most_common(MOST_PARTS))):
         fit = search.fits[part]
         legs = _with_free_radius(search, fit, nuisances_for(fit, search.criteria, batch_sd))
-        if legs and passes(legs.fit, search.criteria) and _explains_as_much(search, legs.fit, found):
+        if legs and passes(legs.fit, search.criteria) and not (claimed and _fits_worse(legs.fit, found.named)):
             what = " or ".join(" + ".join(names) for names in claimed)
             much = f"explain as much as {what}" if claimed else "would leave nothing to explain"
             return f"{legs.in_words(search.cells.robot)} {much}: measure them"
     return ""
+
+
+def _may_be_legs(search: EffectSearch, found: Shared) -> bool:
+    """Whether a wrong radius may look like a claim: it is of several effects, or a calibration error looks like it."""
+    several = max(map(len, found.verdict.alternatives)) > 1
+    return several or max(_costs(found.named), default=0.0) > SUSPECT**2 or has_rival(search, found.named)
+
+
+def _fits_worse(fit: Fit, claimed: Fit) -> bool:
+    """Whether a fit with a free radius, one more parameter, has the higher BIC."""
+    return fit.bic + float(np.log(fit.problem.values)) > claimed.bic
 
 
 def _costs(fit: Fit) -> list[float]:
@@ -79,14 +91,6 @@ def _costs(fit: Fit) -> list[float]:
     own = fit.nuisances
     named = zip(own.names, own.sd.tolist(), fit.shared, strict=True) if own else ()
     return [(value / sd) ** 2 for name, sd, (value, _) in named if name in (LIFT_ZERO, SPEED_SCALE)]
-
-
-def _explains_as_much(search: EffectSearch, fit: Fit, found: Shared) -> bool:
-    """Whether a fit with a free radius, one more parameter, is not clearly worse than what is claimed, if anything is."""
-    claimed = found.named
-    margin = search.criteria.clearly * overdispersion(claimed)
-    bic = fit.bic + float(np.log(fit.problem.values))
-    return found.verdict.status not in CLAIMS or bic < claimed.bic + margin
 
 
 def _with_free_radius(search: EffectSearch, fit: Fit, nuisances: Nuisances) -> Legs | None:
