@@ -8,8 +8,8 @@ verdict          the rules; criteria: their thresholds
   partial        one effect repairs most; untested: whether pure error is known well enough
   sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are
                  random; batch_sd: their standard deviations; nuisances_in_words: as text
-  checks of a claim: calibration_error, conventions, lone_trials, one_observable, other_sign, plausibility,
-                         smooth, stability
+  checks of a claim: calibration_error, conventions, leg_radius, lone_trials, one_observable, other_sign,
+                         plausibility, smooth, stability
 limits, unseen   effects that are absent, or would not show; power: detectable strengths; error_rates: of the verdict
 next_trials      trials that discriminate between the surviving sets; one_value: those that trials at one ω or φ lack
 fingerprint      where an effect would show

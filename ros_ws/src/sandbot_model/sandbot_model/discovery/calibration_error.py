@@ -22,13 +22,23 @@ Miscalibration = tuple[str, float, float, float]
 def rival_calibration_error(search: EffectSearch, named: Fit) -> str:
     """One clause: the smallest calibration error, relative to its prior, that explains as much as a named effect; empty
     if there is no zero or scale to be wrong."""
-    weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
-    free = list(_with_free_reading(search, weakest, batch_sd_of(named) if named.nuisances else ALIKE))
-    threshold = claim_threshold(named, search.criteria)
-    enough = [error for _, fit, error in free if fit.deviance - named.deviance < threshold]
+    free, enough = _rivals(search, named)
     if enough:
         return f"{in_words(*min(enough, key=_in_priors))} would explain as much"
     return f"no {' and no '.join(READINGS[name] for name, *_ in free)} explains as much" if free else ""
+
+
+def has_rival(search: EffectSearch, named: Fit) -> bool:
+    """Whether some calibration error explains as much as a named effect."""
+    return bool(_rivals(search, named)[1])
+
+
+def _rivals(search: EffectSearch, named: Fit) -> tuple[list[tuple[str, Fit, Miscalibration]], list[Miscalibration]]:
+    """What can be miscalibrated beside the best part of a named set, and what of that explains as much as the set."""
+    weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
+    free = list(_with_free_reading(search, weakest, batch_sd_of(named) if named.nuisances else ALIKE))
+    threshold = claim_threshold(named, search.criteria)
+    return free, [error for _, fit, error in free if fit.deviance - named.deviance < threshold]
 
 
 def sufficient_calibration_error(search: EffectSearch) -> str:

@@ -39,6 +39,7 @@ from sandbot_model.discovery.formula_search import (
     repairs_something,
 )
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.discovery.leg_radius import instead_of_a_reading, instead_of_effects
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
@@ -255,15 +256,21 @@ def _discovered(
     told = p_in_words(search.fits[verdict.effects])
     named, reported = _reported(search, named)
     verdict = replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(told, 1)))
-    if rival:
-        verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
+    legs = instead_of_a_reading(search, named) if verdict.status in ("adequate", *EXPLAINS_ALL) else None
+    rivals = [*([rival] if rival else []), *([legs.fit] if legs else [])]
+    if rivals:
+        size = f"; {legs.in_words(cells.robot)} explain as much: measure them" if legs else ""
+        covered = "both" if len(rivals) == 1 else "all three"
+        because = f"{verdict.because}{size} (standard errors of Δt and k cover {covered})"
+        verdict = replace(verdict, because=because)
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     shift = largest_shift(reported, hidden)
-    as_likely = {fit.effects: fit for fit in (*equally_simple(reported, hidden), *([rival] if rival else []))}
-    said = [shift.in_words(reported, covered=(shift.effect,) in as_likely)] if shift else []
-    reported = averaged_with(reported, list(as_likely.values()))
+    known = {fit.effects for fit in rivals}
+    as_likely = [*rivals, *(fit for fit in equally_simple(reported, hidden) if fit.effects not in known)]
+    said = [shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in as_likely))] if shift else []
+    reported = averaged_with(reported, as_likely)
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
@@ -308,11 +315,19 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
     if found.verdict.status in EXPLAINS_ALL and admit_rivals(search, search.fits[found.verdict.effects]):
         found = _judged(search)
     found = _refused_for_the_other_sign(search, found) or _refused_for_a_formula(search, found) or found
-    # One observable cannot distinguish conventions; without effects there are none.
     searched = not preset and len(search.fits) > 1
+    if searched and (legs := _explained_by_legs(search, found)):
+        return legs, None
+    # One observable cannot distinguish conventions; without effects there are none.
     if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
     return found, partial
+
+
+def _explained_by_legs(search: EffectSearch, found: Shared) -> Shared | None:
+    """The refusal of a verdict where legs of another radius explain as much; else None."""
+    legs = instead_of_effects(search, found) if found.verdict.status in ("unexplained", *EXPLAINS_ALL) else ""
+    return Shared(_robot_in_doubt([legs]), search.fits, search.fits[()]) if legs else None
 
 
 def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:

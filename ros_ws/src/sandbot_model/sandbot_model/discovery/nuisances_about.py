@@ -11,7 +11,6 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
-from sandbot_model.discovery.candidates import bic_weights
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.errors import with_sampled_errors
@@ -138,10 +137,10 @@ def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
     """
     if not others:
         return fit
-    weights = bic_weights({one.effects: one for one in (fit, *others)})
-    moments = weights[fit.effects] * fit.covariance
-    for other in others:
-        moments = moments + weights[other.effects] * _moments_about(fit, other)
+    bic = np.array([one.bic for one in (fit, *others)])
+    weights = np.exp(-0.5 * (bic - bic.min()))
+    about = np.array([fit.covariance, *(_moments_about(fit, other) for other in others)])
+    moments = np.average(about, axis=0, weights=weights)
     stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
     return replace(fit, stderr=stderr, covariance=moments, sample=None)
 
