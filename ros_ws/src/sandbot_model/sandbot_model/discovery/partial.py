@@ -8,6 +8,8 @@ Three cases, tried in this order:
    It is not named if the base model then fits too (only the observable is wrong), or if another effect does about as
    well with the same or another observable left out.
 3. The effect leaves a small rest, and leads clearly whichever observable is left out.
+
+In none of them is it named if it fails in most of the observables, or only fits with a k that no grains have.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,6 +21,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.verdict import (
     Verdict,
     doubtful_parameters,
@@ -90,6 +93,9 @@ def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial
         return None
     fits, names, failing = found
     at, share = fits[names], _share_removed(fits, names)
+    # Most of an enormous misfit is removed by anything that is bent far enough.
+    if 2 * len(failing) > len(observables) or implausible_k(at):
+        return None
     misses = tuple(_miss(search.cells, at, observable) for observable in failing)
     holds = tuple(observable.name for observable in observables if observable not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
