@@ -34,7 +34,7 @@ def test_the_scatter_left_is_that_within_conditions_and_groups():
     values[3, 1] = np.nan
     residual, cell = about_means(values)[order], CELL[order]
     found = two_groups(residual, cell, NAMES, NOT_RUN)
-    later = np.arange(len(CELL)) > np.flatnonzero(NAMES == found.last)[0]
+    later = np.arange(len(CELL)) > np.flatnonzero(found.last == NAMES)[0]
     for column, sd in zip(residual.T, found.sd, strict=True):
         groups = [column[(cell == one) & (later == side) & np.isfinite(column)] for one in range(8) for side in (0, 1)]
         groups = [group for group in groups if len(group)]

@@ -1,6 +1,6 @@
 """From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it?
 
-1. Skip the search if robot.yaml or the table is in doubt (``plausibility``) or pure error is too poorly known (``untested``).
+1. Skip the search if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
 2. Fit the base model, then sets of one, two and three effects, until one size suffices (``effect_search``).
 3. Judge the sets against the replicates (``verdict``), and again with nuisances that trials share (``sharing``).
 4. Test a claim against effects under other conventions (``conventions``) and against formulas (``formula_search``).
@@ -209,8 +209,8 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
-    called with (stage, done, total). No effect is tried where robot.yaml or the table is in doubt (``plausibility``). Where nothing
-    explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
+    called with (stage, done, total). No effect is tried where robot.yaml or the table is in doubt (``plausibility``).
+    Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
     found = _discovered(cells, effects, max_effects, **how)
