@@ -72,6 +72,7 @@ ERROR_BARS = ("speed_sd_m_s", "speed_sem_m_s")
 def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     """Notes on the usable trials. Raises InputError, with ``where`` in front, if a column's numbers are impossible."""
     check_usable(trials, where)
+    left_out = _speedless(trials, where)
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     ratio = _ratio_to_limit(used, values)
@@ -87,6 +88,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     return (
         *trials.unread,
         *_meant_ok(trials),
+        *left_out,
         *_fast(used),
         *_too_far(used, ratio),
         *_no_peaks(values),
@@ -391,6 +393,19 @@ def _meant_ok(trials: Trials) -> list[str]:
         return []
     listed = _listed(list(dict.fromkeys(meant)))
     return [f"{len(meant)} trials are left out because of their status, {listed}: only ok is used"]
+
+
+def _speedless(trials: Trials, where: str) -> list[str]:
+    """Trials left out for want of a speed. Raises InputError if they are most of those that are ok."""
+    ok = trials.status == OK
+    none = [*trials.trial_id[ok & np.isnan(trials.speed_m_s)]]
+    if 2 * len(none) > ok.sum():
+        raise InputError(
+            f"{where}: speed_m_s is not given in {len(none)} of {ok.sum()} trials: {_listed(none)}; it is needed of a "
+            "trial (or a status other than ok)"
+        )
+    are = "trial is" if len(none) == 1 else "trials are"
+    return [f"{len(none)} {are} left out, as no speed_m_s is given: {_listed(none)}"] if none else []
 
 
 def _nameless(used: Trials, column: str, grouping: str) -> list[str]:
