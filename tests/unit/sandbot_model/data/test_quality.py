@@ -64,6 +64,18 @@ def test_a_trial_far_out_is_named():
     assert CLEAN.trial_id[7] in note
 
 
+def test_where_noise_grows_with_the_speed_a_fast_trial_is_not_far_out():
+    """Nor is a slow one where it does not; both where it is far by either measure."""
+    rng = np.random.default_rng(0)
+    for noise in (0.01 * CLEAN.peak_speed_m_s, np.full(len(CLEAN), 0.002)):
+        cell, _ = conditions(CLEAN.phi, CLEAN.gait, CLEAN.omega_rad_s)
+        mean = np.array([CLEAN.peak_speed_m_s[cell == one].mean() for one in cell])
+        even = mean + noise * np.tile([-1.0, 0.0, 1.0], len(CLEAN) // 3)[rng.permutation(len(CLEAN))]
+        assert not any("far" in note for note in checked(changed("peak_speed_m_s", slice(None), even)))
+        odd = even + np.where(np.arange(len(CLEAN)) == int(np.argmax(mean)), 0.3, 0.0)
+        assert any(note.startswith("peak_speed_m_s far") for note in checked(changed("peak_speed_m_s", slice(None), odd)))
+
+
 @pytest.mark.parametrize("every", [2, 3, 5])
 def test_runs_there_and_back_are_refused(every):
     """They scatter by twice their speed, and any model held."""

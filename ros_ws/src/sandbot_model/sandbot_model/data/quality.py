@@ -287,7 +287,23 @@ def _no_levels(used: Trials) -> list[str]:
 
 
 def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
-    """Trials far from every other of their cell, in units of the typical scatter within cells."""
+    """Trials far from every other of their cell, both as they are and as shares of its median: noise may be constant or
+    in proportion to what is measured."""
+    median = np.stack([np.median(values[cell == one], axis=0) for one in range(cell.max() + 1)])[cell]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        far = np.minimum(*(_distances(each, values, cell) for each in (values, values / np.abs(median))))
+    found = []
+    for observable in Observable:
+        column = np.nan_to_num(far[:, observable])
+        names = [f"{used.trial_id[i]} ({column[i]:.0f} sd)" for i in np.argsort(-column) if column[i] > FAR_OUT]
+        if names:
+            found.append(f"{observable.column} far from every other replicate: {_listed(names)}")
+    return found
+
+
+def _distances(scaled: Floats, values: Floats, cell: Ints) -> Floats:
+    """Distance of each trial from the nearest other of its cell ``(trials, 4)``, in units of the typical scatter within
+    cells; NaN where it has none."""
     walked = walks(values, CLEARLY_LIFTED * WALKING_LIFT_M)
     pairs: dict[Observable, list[float]] = {observable: [] for observable in Observable}
     nearest = np.full(values.shape, np.nan)
@@ -296,20 +312,14 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
         if len(inside) < 3 or not walked[inside].all():
             continue  # where the ground hardly holds, one replicate may walk and the next swim without any mistake
         for observable in Observable:
-            replicates = values[inside, observable]
+            replicates = scaled[inside, observable]
             pairs[observable] += _gaps(replicates)
             nearest[inside, observable] = _nearest(replicates)
-    found = []
     for observable in Observable:
         finite = [gap for gap in pairs[observable] if np.isfinite(gap)]
         scale = float(np.median(finite)) / 0.6745 / np.sqrt(2) if finite else 0.0
-        if scale <= 0:
-            continue
-        far = nearest[:, observable] / scale
-        names = [f"{used.trial_id[i]} ({far[i]:.0f} sd)" for i in np.argsort(-np.nan_to_num(far)) if far[i] > FAR_OUT]
-        if names:
-            found.append(f"{observable.column} far from every other replicate: {_listed(names)}")
-    return found
+        nearest[:, observable] /= scale if scale > 0 else np.nan
+    return nearest
 
 
 def _gaps(replicates: Floats) -> list[float]:
