@@ -73,7 +73,9 @@ def test_where_noise_grows_with_the_speed_a_fast_trial_is_not_far_out():
         even = mean + noise * np.tile([-1.0, 0.0, 1.0], len(CLEAN) // 3)[rng.permutation(len(CLEAN))]
         assert not any("far" in note for note in checked(changed("peak_speed_m_s", slice(None), even)))
         odd = even + np.where(np.arange(len(CLEAN)) == int(np.argmax(mean)), 0.3, 0.0)
-        assert any(note.startswith("peak_speed_m_s far") for note in checked(changed("peak_speed_m_s", slice(None), odd)))
+        assert any(
+            note.startswith("peak_speed_m_s far") for note in checked(changed("peak_speed_m_s", slice(None), odd))
+        )
 
 
 @pytest.mark.parametrize("every", [2, 3, 5])

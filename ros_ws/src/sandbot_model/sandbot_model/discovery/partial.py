@@ -254,7 +254,7 @@ def _miss(cells: Cells, fit: Fit, observable: Observable) -> Miss:
 
 def _because(found: Partial, at: Fit) -> str:
     holds = ", ".join(Observable[name].label for name in found.holds) or "no observable by itself"
-    fails = " and ".join(
+    fails = ", ".join(
         f"{Observable[miss.observable].label} by {CM * miss.rms:.2g} {Observable[miss.observable].readers_unit} rms "
         f"({miss.z:.1f} standard errors)"
         for miss in found.fails
