@@ -9,7 +9,7 @@ Three cases, tried in this order:
    well with the same or another observable left out.
 3. The effect leaves a small rest, and leads clearly whichever observable is left out.
 
-In none of them is it named if it fails in most of the observables, or only fits with a k that no grains have.
+In none of them is it named if it needs a k far from that of grains.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -93,8 +93,8 @@ def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial
         return None
     fits, names, failing = found
     at, share = fits[names], _share_removed(fits, names)
-    # Most of an enormous misfit is removed by anything that is bent far enough.
-    if 2 * len(failing) > len(observables) or implausible_k(at):
+    # Most of an enormous misfit is removed by a ground that is stiff enough.
+    if implausible_k(at):
         return None
     misses = tuple(_miss(search.cells, at, observable) for observable in failing)
     holds = tuple(observable.name for observable in observables if observable not in failing)
