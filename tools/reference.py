@@ -8,7 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib import import_module
 from importlib.metadata import distribution
@@ -218,11 +218,11 @@ def schemas() -> str:
     parts = [
         f"{MADE}# Keys of JSON results\n\nAs written of {EXAMPLE}, whole, without replicates, with fewer observables, "
         "and with a first step that no effect explains; `[]` is one of a list, `*` a name of its own. What is not "
-        "known or not there is null.\n"
+        "known or not there is null. What only other tables have, or leave unknown, is added.\n"
     ]
     for name, contents in results().items():
         parts.append(f"## {name} --json (`{contents[0]['schema']}`)\n")
-        parts.append(table(("key", "type"), merged(contents)) + "\n")
+        parts.append(table(("key", "type"), merged(contents, OF_OTHER_TABLES[name])) + "\n")
     return "\n".join(parts)
 
 
@@ -273,9 +273,35 @@ NAMED = ("parameters", "rmse", "cv_rmse", "lack_of_fit", "noise_floor", "variant
 _TYPES = {str: "text", bool: "true or false", int: "number", float: "number", type(None): "null"}
 
 
-def merged(contents: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
-    """Every key of several results and the types of its values in any of them, null first."""
-    found: dict[str, set[str]] = {}
+OF_STEPS = {
+    "data.notes[]": "text",
+    "steps[].at_bounds[]": "text",
+    "steps[].implausible[]": "text",
+    "steps[].variants.*": "text",
+    "steps[].parameters.*.stderr": "null",
+    "steps[].cv_rmse_m_s": "null",
+}
+OF_OTHER_TABLES: dict[str, dict[str, str]] = {
+    "compare": OF_STEPS,
+    "discover": OF_STEPS
+    | {
+        "candidates[].cv_rmse_m_s": "null",
+        "controls.*": "text",
+        "error_rates[].hidden[]": "text",
+        "error_rates[].statuses.*": "number",
+        **{f"error_rates[].{rate}.{key}": "number" for rate in ("named", "false_claims") for key in ("count", "of")},
+        **{f"error_rates[].{rate}.at_95[]": "number" for rate in ("named", "false_claims")},
+        "next_trials[].omega_rad_s": "null",
+        "nuisances[].stderr": "null",
+        "variants.*": "text",
+    },
+}
+"""Keys that no result of the example has, and a type that some values of others have with other tables or options."""
+
+
+def merged(contents: Sequence[dict[str, Any]], also: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
+    """Every key of several results and the types of its values in any of them, null first; ``also`` are more."""
+    found: dict[str, set[str]] = {key: {kind} for key, kind in (also or {}).items()}
     for content in contents:
         for key, kind in _paths(content):
             found.setdefault(key, set()).add(kind)

@@ -1,5 +1,6 @@
 """The lab walks a robot with longer legs and twice the mass: named with its robot.yaml, doubted with another's."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,10 +9,11 @@ from worlds import BY_NAME, EFFECTS
 
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.direct import direct_trials
-from sandbot_lab.world import World
+from sandbot_lab.week import Week
+from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.plausibility import doubts
+from sandbot_model.discovery.plausibility import doubts, in_doubt
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, Trials, from_rows
 
@@ -95,3 +97,39 @@ def test_the_whole_mass_in_place_of_a_leg_s_share_is_pointed_out():
     assert "are mass_per_leg_kg (a third of the robot's)" in found.verdict.because
     right = discover(cells_of(from_rows(table(0.0, SANDBOT, 1.0), SANDBOT)), EFFECTS, max_effects=0)
     assert "mass_per_leg_kg" not in right.verdict.because
+
+
+def measured(robot=SANDBOT, batches="replicate", **lab) -> list[Row]:
+    """A campaign with nothing hidden, run in blocks."""
+    rows = direct_trials(World(robot=robot, **lab), PHI, OMEGA, "UNIFORM", 3, 1, None, "randomised", batches)
+    return [Row(**row) for row in rows]
+
+
+def with_longer_legs(**as_of) -> list[Row]:
+    """SandBot's trials, below them those of a robot with legs 15 % longer, as ``as_of`` has them."""
+    second = measured(Robot(leg_radius_m=1.15 * SANDBOT.leg_radius_m))
+    rows = [*measured(batches="none"), *(replace(row, batch="", **as_of) for row in second)]
+    return [replace(row, trial_id=f"t{at}", run_order=at) for at, row in enumerate(rows, 1)]
+
+
+def test_two_robots_in_one_table_are_told_from_replicates_in_two_groups():
+    found = discover(cells_of(from_rows(with_longer_legs())), EFFECTS, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("unexplained", ())
+    assert "the table may mix two robots or set-ups, so nothing is identified" in found.verdict.because
+    assert "up to t60 and from t61 on" in found.verdict.because
+    assert found.residual is None
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        measured(week=Week(k_jump=0.03, k_jumps_at=(0.5,))),
+        measured(week=Week(k_drift=0.03)),
+        measured(week=Week(k_batch_sd=0.015)),
+        measured(noise=Noise(scale=15.0)),
+        with_longer_legs(lift_m=np.nan, peak_speed_m_s=np.nan, first_step_m=np.nan),
+    ],
+    ids=["jump", "drift", "days", "noisy", "speed alone"],
+)
+def test_a_bad_week_and_a_noisy_lab_are_no_two_robots(rows):
+    assert in_doubt(cells_of(from_rows(rows))) == ""

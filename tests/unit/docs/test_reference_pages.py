@@ -64,6 +64,11 @@ def test_the_types_of_json_are_those_of_all_results_together():
         *(("`a`", "null or number"), ("`b`", "null or object"), ("`b.c`", "text"), ("`d`", "null or number")),
         *(("`l[]`", "text"), ("`m[].e`", "number"), ("`parameters.*`", "null or number"), ("`v`", "object")),
     ]
+    also = {"a": "null", "l[]": "text", "v.*": "text"}
+    added = [("`a`", "null or number"), ("`l[]`", "text"), ("`v.*`", "text")]
+    assert [
+        row for row in reference.merged([whole], also) if row[0] in ("`a`", "`l[]`", "`l`", "`v`", "`v.*`")
+    ] == added
 
 
 @pytest.mark.slow

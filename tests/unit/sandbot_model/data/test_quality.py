@@ -48,10 +48,34 @@ def test_where_no_trial_is_usable_that_is_said():
         checked(replace(CLEAN, status=np.full(len(CLEAN), "good")), "data")
 
 
+def test_a_trial_without_a_speed_is_left_out_and_named_most_trials_are_not():
+    some, most = np.arange(2), np.arange(len(CLEAN)) > 10
+    (note,) = checked(changed("speed_m_s", some, np.nan))
+    assert note == f"2 trials are left out, as no speed_m_s is given: {CLEAN.trial_id[0]}, {CLEAN.trial_id[1]}"
+    with pytest.raises(InputError, match=r"^data: speed_m_s is not given in 49 of 60 trials: .* and 44 more; it is"):
+        checked(changed("speed_m_s", most, np.nan), "data")
+    failed = np.where(most, "failed", CLEAN.status)
+    assert not any("speed_m_s is" in note for note in checked(replace(CLEAN, status=failed)))
+
+
 def test_a_trial_far_out_is_named():
     (note,) = checked(changed("lift_m", 7, CLEAN.lift_m[7] + 0.005))
     assert note.startswith("lift_m far from every other replicate")
     assert CLEAN.trial_id[7] in note
+
+
+def test_where_noise_grows_with_the_speed_a_fast_trial_is_not_far_out():
+    """Nor is a slow one where it does not; both where it is far by either measure."""
+    rng = np.random.default_rng(0)
+    for noise in (0.01 * CLEAN.peak_speed_m_s, np.full(len(CLEAN), 0.002)):
+        cell, _ = conditions(CLEAN.phi, CLEAN.gait, CLEAN.omega_rad_s)
+        mean = np.array([CLEAN.peak_speed_m_s[cell == one].mean() for one in cell])
+        even = mean + noise * np.tile([-1.0, 0.0, 1.0], len(CLEAN) // 3)[rng.permutation(len(CLEAN))]
+        assert not any("far" in note for note in checked(changed("peak_speed_m_s", slice(None), even)))
+        odd = even + np.where(np.arange(len(CLEAN)) == int(np.argmax(mean)), 0.3, 0.0)
+        assert any(
+            note.startswith("peak_speed_m_s far") for note in checked(changed("peak_speed_m_s", slice(None), odd))
+        )
 
 
 @pytest.mark.parametrize("every", [2, 3, 5])

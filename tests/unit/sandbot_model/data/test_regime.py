@@ -30,12 +30,15 @@ def test_lift_says_it_and_speed_where_lift_is_missing(speed, lift, walked):
     [
         (0.02, 8e-4, 0.02, False),
         (0.005, 8e-4, 0.14, True),
-        (0.005, 8e-4, np.nan, True),
+        (0.02, 8e-4, np.nan, False),
+        (0.05, 8e-4, np.nan, True),
+        (0.02, 2e-3, np.nan, True),
+        (np.nan, 8e-4, np.nan, True),
         (0.005, 2e-3, 0.02, True),
     ],
 )
 def test_a_lift_zero_off_by_a_grain_makes_no_walkers(speed, lift, peak, walked):
-    """Controls: a slow walker has the peak of its legs; it is believed without; and where it is lifted by more."""
+    """Controls: a slow walker has the peak of its legs; without it, speed decides; and where it is lifted by more."""
     assert walks(np.array([speed, lift, peak, np.nan])) == walked
 
 

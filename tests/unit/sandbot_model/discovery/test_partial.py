@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import discover as discovery
 from sandbot_model.discovery import partial
@@ -150,3 +151,16 @@ def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_o
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("stance_overlap",))
     assert [one.observable for one in found.partial.fails] == ["peak_speed"]
     assert found.variants == {"stance_overlap": "the first step spared, by a power of ω"}
+
+
+def test_an_effect_that_needs_a_k_of_no_grains_is_not_named(drawn):
+    """Otherwise a lift read from the top, that only a stiff ground comes near, has a slip in it."""
+
+    def named(search, failing):
+        fits, name = search.fits, ("stance_overlap",)
+        return partial._verdict_from(search, lambda *_: (fits, name, failing))
+
+    trials = drawn(("stance_overlap",), seed=3, levels=4)
+    assert named(tried(trials), [*Observable])[0].effects == ("stance_overlap",)
+    heavy = Robot(mass_per_leg_kg=3 * SANDBOT.mass_per_leg_kg)
+    assert named(tried(dataclasses.replace(trials, robot=heavy)), []) is None

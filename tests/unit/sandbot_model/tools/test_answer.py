@@ -313,6 +313,10 @@ def test_why_one_model_has_two_numbers_is_said_below_the_ladder(two):
     assert two.fit.nuisances is not None
     told = " ".join(tables.ladder_of(two).split())
     assert told.endswith("compare, p in 'why' and single effects below are without.")
+    scatters = replace(two.fit.nuisances, names=("ln_k", *two.fit.nuisances.names[1:]))
+    rough = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=scatters)))
+    of_batches = ", what differs between batches or conditions)"
+    assert [of_batches in " ".join(tables.ladder_of(each).split()) for each in (two, rough)] == [False, True]
     beside = replace(two, fits=tuple(replace(one, nuisances=two.fit.nuisances) for one in two.fits))
     assert " ".join(tables.ladder_of(beside).split()).endswith("; compare is without.")
     plain = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=None)))

@@ -95,9 +95,9 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,8,20%\n", "row 4, column speed_m_s: '20%' is not a number"),
         (GOOD + "60.0.1%,8,0.2\n", "row 4, column phi: '60.0.1' is not a number"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
-        (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
-        (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan; a value is needed here"),
-        (GOOD + "0.6,8,--\n", "row 4, column speed_m_s: --; a value is needed here"),
+        (GOOD + "0.6,,0.2\n", "row 4, column omega_rad_s: empty"),
+        (GOOD + "nan,8,0.2\n", "row 4, column phi: nan; a value is needed here"),
+        (GOOD + "--,8,0.2\n", "row 4, column phi: --; a value is needed here"),
         (GOOD + "0.6,8,inf\n", "row 4, column speed_m_s: inf is not a finite number"),
         (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number; a value is needed here"),
         (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
@@ -120,7 +120,10 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
             "trial_id,phi,omega_rad_s,speed_m_s\na,.6,8,.2\na,.6,8,.2\n",
             "row 3, column trial_id: trial id 'a' is there twice",
         ),
-        ("phi,omega_rad_s,speed_m_s,status\n0.6,8,,failed\n", "no usable trial among 1: row2 has status 'failed'"),
+        (
+            "phi,omega_rad_s,speed_m_s,status\n0.6,8,,failed\n",
+            "no usable trial among 1: row2 has status 'failed', and only ok is",
+        ),
         ('phi,omega_rad_s,speed_m_s\n"0.6,8,0.2\n', "not a CSV"),
     ],
 )
@@ -129,6 +132,10 @@ def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
         read(write(tmp_path, text))
     assert "\n" not in str(error.value)
     assert "t.csv" in str(error.value)
+
+
+def test_a_trial_without_a_speed_is_read_and_not_used(tmp_path):
+    assert read(write(tmp_path, GOOD + "0.6,8,\n")).usable.tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none", "#N/V", "#DIV/0!"])

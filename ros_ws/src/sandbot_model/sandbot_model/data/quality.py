@@ -72,6 +72,7 @@ ERROR_BARS = ("speed_sd_m_s", "speed_sem_m_s")
 def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     """Notes on the usable trials. Raises InputError, with ``where`` in front, if a column's numbers are impossible."""
     check_usable(trials, where)
+    left_out = _speedless(trials, where)
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     ratio = _ratio_to_limit(used, values)
@@ -87,6 +88,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     return (
         *trials.unread,
         *_meant_ok(trials),
+        *left_out,
         *_fast(used),
         *_too_far(used, ratio),
         *_no_peaks(values),
@@ -285,7 +287,23 @@ def _no_levels(used: Trials) -> list[str]:
 
 
 def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
-    """Trials far from every other of their cell, in units of the typical scatter within cells."""
+    """Trials far from every other of their cell, both as they are and as shares of its median: noise may be constant or
+    in proportion to what is measured."""
+    median = np.stack([np.median(values[cell == one], axis=0) for one in range(cell.max() + 1)])[cell]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        far = np.minimum(*(_distances(each, values, cell) for each in (values, values / np.abs(median))))
+    found = []
+    for observable in Observable:
+        column = np.nan_to_num(far[:, observable])
+        names = [f"{used.trial_id[i]} ({column[i]:.0f} sd)" for i in np.argsort(-column) if column[i] > FAR_OUT]
+        if names:
+            found.append(f"{observable.column} far from every other replicate: {_listed(names)}")
+    return found
+
+
+def _distances(scaled: Floats, values: Floats, cell: Ints) -> Floats:
+    """Distance of each trial from the nearest other of its cell ``(trials, 4)``, in units of the typical scatter within
+    cells; NaN where it has none."""
     walked = walks(values, CLEARLY_LIFTED * WALKING_LIFT_M)
     pairs: dict[Observable, list[float]] = {observable: [] for observable in Observable}
     nearest = np.full(values.shape, np.nan)
@@ -294,20 +312,14 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
         if len(inside) < 3 or not walked[inside].all():
             continue  # where the ground hardly holds, one replicate may walk and the next swim without any mistake
         for observable in Observable:
-            replicates = values[inside, observable]
+            replicates = scaled[inside, observable]
             pairs[observable] += _gaps(replicates)
             nearest[inside, observable] = _nearest(replicates)
-    found = []
     for observable in Observable:
         finite = [gap for gap in pairs[observable] if np.isfinite(gap)]
         scale = float(np.median(finite)) / 0.6745 / np.sqrt(2) if finite else 0.0
-        if scale <= 0:
-            continue
-        far = nearest[:, observable] / scale
-        names = [f"{used.trial_id[i]} ({far[i]:.0f} sd)" for i in np.argsort(-np.nan_to_num(far)) if far[i] > FAR_OUT]
-        if names:
-            found.append(f"{observable.column} far from every other replicate: {_listed(names)}")
-    return found
+        nearest[:, observable] /= scale if scale > 0 else np.nan
+    return nearest
 
 
 def _gaps(replicates: Floats) -> list[float]:
@@ -391,6 +403,19 @@ def _meant_ok(trials: Trials) -> list[str]:
         return []
     listed = _listed(list(dict.fromkeys(meant)))
     return [f"{len(meant)} trials are left out because of their status, {listed}: only ok is used"]
+
+
+def _speedless(trials: Trials, where: str) -> list[str]:
+    """Trials left out for want of a speed. Raises InputError if they are most of those that are ok."""
+    ok = trials.status == OK
+    none = [*trials.trial_id[ok & np.isnan(trials.speed_m_s)]]
+    if 2 * len(none) > ok.sum():
+        raise InputError(
+            f"{where}: speed_m_s is not given in {len(none)} of {ok.sum()} trials: {_listed(none)}; it is needed of a "
+            "trial (or a status other than ok)"
+        )
+    are = "trial is" if len(none) == 1 else "trials are"
+    return [f"{len(none)} {are} left out, as no speed_m_s is given: {_listed(none)}"] if none else []
 
 
 def _nameless(used: Trials, column: str, grouping: str) -> list[str]:

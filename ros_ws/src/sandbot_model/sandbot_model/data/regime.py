@@ -23,11 +23,12 @@ HELD_M = 0.01
 
 def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
     """Whether the robot walked ``(...)``, from measured observables ``(..., 4)``: its body was lifted by more than
-    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. If its peak speed was that of a
-    swimmer, its lift must exceed what an error of the lift zero can explain.
+    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. If its peak speed, or where that
+    was not measured its speed, was a swimmer's, its lift must exceed what an error of the lift zero can explain.
     """
     speed, lift, peak = (values[..., o] for o in (Observable.speed, Observable.lift, Observable.peak_speed))
-    lifted = (lift > least_lift_m) & ~((peak <= WALKING_SPEED_M_S) & (lift <= SURE_LIFT_M))
+    fastest = np.where(np.isfinite(peak), peak, speed)
+    lifted = (lift > least_lift_m) & ~((fastest <= WALKING_SPEED_M_S) & (lift <= SURE_LIFT_M))
     return np.where(np.isfinite(lift), lifted, speed > WALKING_SPEED_M_S)
 
 

@@ -1,6 +1,6 @@
 """From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it?
 
-1. Skip the search if robot.yaml is in doubt (``plausibility``) or pure error is too poorly known (``untested``).
+1. Skip the search if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
 2. Fit the base model, then sets of one, two and three effects, until one size suffices (``effect_search``).
 3. Judge the sets against the replicates (``verdict``), and again with nuisances that trials share (``sharing``).
 4. Test a claim against effects under other conventions (``conventions``) and against formulas (``formula_search``).
@@ -48,7 +48,7 @@ from sandbot_model.discovery.nuisances_in_words import confounded_drift, signifi
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
-from sandbot_model.discovery.plausibility import doubts, implausible_k
+from sandbot_model.discovery.plausibility import implausible_k, in_doubt
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
@@ -219,8 +219,8 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
-    called with (stage, done, total). No effect is tried where robot.yaml is in doubt (``plausibility``). Where nothing
-    explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
+    called with (stage, done, total). No effect is tried where robot.yaml or the table is in doubt (``plausibility``).
+    Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
     found = _discovered(cells, effects, max_effects, **how)
@@ -244,8 +244,8 @@ def _discovered(
     progress: Progress,
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-    doubted = doubts(cells)
-    preset = _robot_in_doubt(doubted) if doubted else untested(cells, search.model(()), criteria)
+    doubted = in_doubt(cells)
+    preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     rival = _identified_without_nuisances(search, found)
     search.fits, verdict, named = found.fits, found.verdict, found.named
@@ -486,11 +486,6 @@ def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormul
     partial = verdict.status == "partial"
     found = formula_on_top_of(search, [verdict.effects]) if partial else formula_to_try(search)
     return found if found is not None and repairs_something(search, found) else None
-
-
-def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
-    because = f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
-    return Verdict("unexplained", (), (), because)
 
 
 def _telling(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:

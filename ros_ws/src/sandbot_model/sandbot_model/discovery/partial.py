@@ -9,6 +9,8 @@ Three cases, tried in this order:
    It is not named if the base model then fits too (only the observable is wrong), or if another effect does about as
    well with the same or another observable left out.
 3. The effect leaves a small rest, and leads clearly whichever observable is left out.
+
+In none of them is it named if it needs a k far from that of grains.
 """
 
 import copy
@@ -22,6 +24,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.verdict import (
     Verdict,
     doubtful_parameters,
@@ -99,6 +102,9 @@ def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial
         return None
     fits, names, failing = found
     at, share = fits[names], _share_removed(fits, names)
+    # Most of an enormous misfit is removed by a ground that is stiff enough.
+    if implausible_k(at):
+        return None
     misses = tuple(_miss(search.cells, at, observable) for observable in failing)
     holds = tuple(observable.name for observable in observables if observable not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
@@ -307,7 +313,7 @@ def _miss(cells: Cells, fit: Fit, observable: Observable) -> Miss:
 
 def _because(found: Partial, at: Fit) -> str:
     holds = ", ".join(Observable[name].label for name in found.holds) or "no observable by itself"
-    fails = " and ".join(
+    fails = ", ".join(
         f"{Observable[miss.observable].label} by {CM * miss.rms:.2g} {Observable[miss.observable].readers_unit} rms "
         f"({miss.z:.1f} standard errors)"
         for miss in found.fails

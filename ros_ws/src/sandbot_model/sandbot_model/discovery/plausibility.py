@@ -6,6 +6,8 @@ agree on a value other than robot.yaml's, robot.yaml is doubted. Nothing is fitt
 overlap, drag) make the estimates disagree or leave one of them unchanged. A forward push (a slope steeper than the
 catalogue's) may carry the robot further and faster than its legs do, by one common factor: where peak, step and lift
 agree with such a factor, robot.yaml is not doubted.
+
+Replicates that scatter far beyond the accuracy, but not within the two groups of a split, are two robots' or set-ups'.
 """
 
 from collections.abc import Iterator
@@ -18,7 +20,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import fastest_phase_ratio
 from sandbot_model.physics.geometry import deepest_m
-from sandbot_model.physics.observables import CM, Observable
+from sandbot_model.physics.observables import CM, Observable, usual_noise
 
 TOO_FAR = 1.25
 """Ratio to a kinematic limit beyond which robot.yaml is doubted: 2° downhill, the catalogue's most, gains 18 %."""
@@ -33,6 +35,22 @@ PUSH_TOLERANCE = 0.03
 """Relative error of R from steps corrected for a push up to which the push is believed."""
 DIFFERENT, EQUAL = 0.12, 0.04
 """Relative difference beyond which two radii count as different, and up to which they count as equal."""
+
+FAR_APART = 5.0
+"""Ratio of the scatter of replicates to a lab's beyond which it is questioned; a k that jumps by 3 % gives less."""
+SPLIT_OFF = 0.9
+"""Share of the variance of replicates that a split removes if they are of two robots; of a steady drift it is 3/4."""
+AGREEING = 2
+"""Observables in which both must hold."""
+
+
+def in_doubt(cells: Cells) -> str:
+    """Why nothing may be identified from these trials, in words; empty where nothing is in doubt."""
+    if mixed := _two_set_ups(cells):
+        return f"the table may mix two robots or set-ups, so nothing is identified: {mixed}"
+    if doubted := doubts(cells):
+        return f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
+    return ""
 
 
 def doubts(cells: Cells) -> tuple[str, ...]:
@@ -54,6 +72,22 @@ def implausible_k(fit: Fit) -> str:
         f"k is {usual:.2g} times what a leg of this size meets in poppy seeds of this φ: "
         "are mass_per_leg_kg (a third of the robot's), leg_radius_m and leg_width_m right?"
     )
+
+
+def _two_set_ups(cells: Cells) -> str:
+    """The two groups into which replicates fall, and their scatter; empty where they don't."""
+    if (groups := cells.two_groups) is None:
+        return ""
+    far_apart = cells.noise > FAR_APART * usual_noise(cells.accuracy)
+    split_off = far_apart & (groups.sd**2 < (1 - SPLIT_OFF) * cells.noise**2)
+    if split_off.sum() < AGREEING:
+        return ""
+    scatter = ", ".join(
+        f"{o.label} by {CM * cells.noise[o]:.2g} {o.readers_unit} and {CM * groups.sd[o]:.2g} within the groups"
+        for o in Observable
+        if split_off[o]
+    )
+    return f"replicates form two groups, up to {groups.last} and from {groups.first} on; they scatter in {scatter}"
 
 
 def _doubts(cells: Cells) -> Iterator[str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sandbot_common.terminal import filled
 from sandbot_model.data.regime import walks
+from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
@@ -15,7 +16,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
 
-WITH_NUISANCES = "The last step is fitted with nuisances (zero of the lift, scale of speed, drift); {} without."
+WITH_NUISANCES = "The last step is fitted with nuisances (zero of the lift, scale of speed, drift{}); {} without."
 """Why one model may have two values of p and of the error out of sample."""
 
 
@@ -46,7 +47,10 @@ def ladder_of(discovery: Discovery) -> str:
     if discovery.fit.nuisances is None:
         return ladder(discovery.steps)
     beside = all(fit.nuisances is None for fit in discovery.fits)
-    note = WITH_NUISANCES.format("compare, p in 'why' and single effects below are" if beside else "compare is")
+    scatter = ", what differs between batches or conditions" if batch_sd_of(discovery.fit) else ""
+    note = WITH_NUISANCES.format(
+        scatter, "compare, p in 'why' and single effects below are" if beside else "compare is"
+    )
     return f"{ladder(discovery.steps)}\n{filled(note)}"
 
 

@@ -17,6 +17,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import near
 from sandbot_record.trials.table import (
     COLUMNS,
+    CONDITION,
     OF_MEANS,
     OK,
     ORDER_AND_TIME,
@@ -296,7 +297,7 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
             text = _CANONICAL[name](text) if name in _CANONICAL else text
             values[name] = values[name] if name == "status" else text or values[name]
         else:
-            values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
+            values[name] = _number(f"{where}, column {name}", name, text, required=name in CONDITION and status == OK)
     return Row(**values)
 
 

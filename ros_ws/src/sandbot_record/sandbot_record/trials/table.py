@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 OK = "ok"
-REQUIRED = ("phi", "omega_rad_s", "speed_m_s")
+CONDITION = ("phi", "omega_rad_s")
+"""Needed in every row that is ok."""
+REQUIRED = (*CONDITION, "speed_m_s")
+"""Needed of a trial that is used."""
 TEXTS = ("trial_id", "gait", "status", "batch", "started")
 ORDER_AND_TIME = ("batch", "run_order", "started")
 OF_MEANS = ("speed_sem_m_s", "n_trials")
@@ -144,7 +147,8 @@ def check_usable(trials: Trials, where: str) -> None:
     if trials.usable.any():
         return
     pairs = zip(trials.trial_id, trials.status.tolist(), strict=True)
-    why = next((f"{name} has status {status!r}" for name, status in pairs if status != OK), "none has φ, ω and a speed")
+    others = (f"{name} has status {status!r}, and only {OK} is used" for name, status in pairs if status != OK)
+    why = next(others, "none has φ, ω and a speed")
     raise InputError(f"{where}: no usable trial among {len(trials)}: {why if len(trials) else 'the table is empty'}")
 
 
