@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import atlas_section, page, supplement
@@ -59,7 +59,7 @@ def _page(
     trials: Trials,
     data: Sequence[Path],
     command: str,
-    criteria: Criteria = DEFAULT,
+    criteria: Criteria | None = None,
 ) -> page.Page:
     """The page that ``of_steps`` makes of fits, where their trials come from, and what pages of all fits have."""
     bags, shown, cells = bags_of(data), steps(fits), fits[0].cells
