@@ -75,3 +75,10 @@ def test_what_was_written_is_read_back(scene, bag, tmp_path):
             assert set(chunk.timeline_names) == {"time", "leg_phase"}
             rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
     assert rows == {"/film": 5} | {f"/{name}": len(one.value) for name, one in by_name(scene, bag).items()}
+
+
+def test_a_table_has_no_trial_to_export_and_what_has_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.csv").write_text("trial_id,phi,omega_rad_s,speed_m_s\nt1,0.63,16,0.2\n")
+    assert export(["one.csv", "--trial", "t1", "--out", "x.mp4"]) == 2
+    assert ": error: one.csv: a table; v_x(t) and film need a campaign folder or bags\n" in capsys.readouterr().err
