@@ -275,10 +275,10 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     cells = replace(step.fit.cells, phi=step.fit.cells.phi + 0.002)
     missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0, 1)
     kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model", "undetermined")}
-    fit = SimpleNamespace(cells=cells, fails=(missed,), **kept)
+    fit = SimpleNamespace(cells=cells, fails=(missed,), lack_of_fit_p=0.5, **kept)
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
     levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
-    assert failing(shown).tables[0].rows[0][1] == levels[1] == "0.600"
+    assert failing(shown)[0].tables[0].rows[0][1] == levels[1] == "0.600"
     (all_cells,) = data(shown, Provenance(used=1), []).tables
     assert [row[0] for row in all_cells.rows] == levels
 
@@ -286,6 +286,13 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
 def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.004, 2) == text.centi(-4e-5) == "0.00"
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
+
+
+def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):
+    write_comparison(tmp_path / "c.html", fits, trials, title="c")
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "How they were analysed" in page
+    assert "An effect is claimed" not in page
 
 
 def test_what_a_claim_took_is_said_as_it_was(page):
@@ -403,7 +410,11 @@ def test_what_the_data_do_not_determine_is_not_shown(tmp_path, omegas):
     assert ("3 cell means can't determine 5 parameters: " in page.replace("&#39;", "'")) == few
     assert "speed" in figures_of(page)
     assert (not MODELLED & set(figures_of(page))) == few
-    for said in ("modelled", "misses the mean speed most", "Correlations of the errors", "Missed most"):
+    head = head_of(path)
+    assert ("The simple model can&#39;t be tested: 3 cell means can&#39;t determine 5 parameters." in head) == few
+    assert ("Error, simple model not known" in head) == few
+    assert np.isnan(fits[0].rmse_m_s) == few
+    for said in ("modelled", "misses the mean speed most", "Correlations of the errors", "Missed most", "failing cell"):
         assert (said not in without_plotly(page)) == few, said
 
 

@@ -56,7 +56,7 @@ def discovery_page(
             *tables.residual(discovery),
             tables.parameters(steps),
             *tables.next_trials(discovery),
-            tables.failing(steps),
+            *tables.failing(steps),
             *tables.video(frames),
             data(steps, provenance, [json_download(discovery)]),
         ),
@@ -87,7 +87,7 @@ def comparison_page(
             *figure_sections(steps, floor),
             *atlas,
             tables.parameters(steps),
-            tables.failing(steps),
+            *tables.failing(steps),
             *tables.video(frames),
             data(steps, provenance, []),
         ),
@@ -108,7 +108,7 @@ def headline(
     )
     terms.append(("Noise floor", text.cm_s(noise_floor_m_s), meaning))
     levels, omegas = len(cells.level_phi), len(frequencies(cells)[0])
-    plan = f"{len(cells)} conditions over {levels} φ and {omegas} ω"
+    plan = f"{text.counted(len(cells), 'condition')} over {levels} φ and {omegas} ω"
     terms.append(("Trials", str(provenance.used), plan))
     return tuple(terms)
 
@@ -150,6 +150,8 @@ def _named_effect(name: str, which: str, found: Discovery, fit: Fit | None) -> N
 
 def _comparison_sentence(steps: tuple[Step, ...], floor: float) -> str:
     first, last = steps[0], steps[-1]
+    if last.fit.undetermined:
+        return f"The {last.whole_label} can't be tested: {last.fit.undetermined}."
     if len(steps) == 1:
         return (
             f"The {first.label} leaves {text.cm_s(first.fit.rmse_m_s)} of error; the noise floor is {text.cm_s(floor)}."

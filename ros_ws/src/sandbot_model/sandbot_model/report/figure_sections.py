@@ -109,7 +109,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     rows = []
     for step in steps:
         errors = (
-            f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
+            f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
             for n in cells.observables
         )
         counts = (step.fit.cross_validation.cells, cells_missed(step.fit.fails))

@@ -187,10 +187,12 @@ def _proposed(discovery: Discovery) -> list[Table]:
     return [table]
 
 
-def failing(steps: tuple[Step, ...]) -> Section:
-    """Tables of the cell means that each step misses."""
+def failing(steps: tuple[Step, ...]) -> list[Section]:
+    """Tables of the cell means that each step misses; none where no step can be tested."""
     tables = []
     for i, step in enumerate(steps):
+        if not np.isfinite(step.fit.lack_of_fit_p):
+            continue
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
         rows = [
             (
@@ -203,7 +205,7 @@ def failing(steps: tuple[Step, ...]) -> Section:
         caption = f"{step.label}: {text.counted(len(fails), 'failing cell')}{more}. Residual: measured minus model."
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
-    return Section("failing", "Failing cells", tables=tuple(tables))
+    return [Section("failing", "Failing cells", tables=tuple(tables))] if tables else []
 
 
 def video(frames: Frames) -> list[Section]:
