@@ -92,7 +92,9 @@ def test_every_view_opens_on_thin_data_and_the_page_says_what_it_can_not_show(tm
 
 def test_a_model_with_no_fewer_parameters_than_means_has_no_curve_and_no_error():
     """One trial: the curve through it was drawn with a band, and the error given in picometres."""
-    session = Session(cells_of(made_up_trials(phis=(0.633,), replicates=1).select(np.arange(1))), Inline())
+    one = made_up_trials(phis=(0.633,), replicates=1).select(np.arange(1))
+    unknown = dict.fromkeys(("lift_m", "peak_speed_m_s", "first_step_m"), np.full(1, np.nan))
+    session = Session(cells_of(replace(one, **unknown)), Inline())
     shown = views.show(session, Selection(), LIGHT)
     assert shown.status.startswith("simple model can't be tested: ")
     assert "can't determine" in shown.status
@@ -104,6 +106,7 @@ def test_a_model_with_no_fewer_parameters_than_means_has_no_curve_and_no_error()
         "none",
         [],
     )
+    assert views.show(Session(cells_of(one), Inline()), Selection(), LIGHT).status.endswith(" 0 of 1 condition fails.")
     for view in views.OF_THE_MODEL:
         (said,) = views.show(session, Selection(view=view), LIGHT).figure["layout"]["annotations"]
         assert "can't determine" in said["text"]

@@ -67,6 +67,7 @@ def test_a_campaigns_table_has_the_setting_of_its_folder_whatever_it_is_given_by
             == (by_folder.robot, by_folder.accuracy)
             == (BIG, Accuracy(lift_m=0.002))
         )
+        assert repr(by_table.rows()) == repr(by_folder.rows())
         assert by_table.frame_rate_hz == pytest.approx(by_folder.frame_rate_hz)
         assert table.robot_file(path) == tmp_path / "robot.yaml"
     assert table.robot_file(tmp_path) is None, "a folder of bags has the bags' robot"

@@ -210,7 +210,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
         f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {text.counted(len(fit.cells), 'condition')} "
-        f"{'fails' if failing == 1 else 'fail'}."
+        f"{'fails' if 1 in (failing, len(fit.cells)) else 'fail'}."
     )
 
 
