@@ -205,7 +205,7 @@ def test_frequencies_that_replicates_miss_a_little_are_one_column():
 
 
 def test_gaits_are_bands_of_their_own():
-    gaits = ["SGCS", "HGCS"] * (len(NONE) // 2)
+    gaits = np.array(["SGCS", "HGCS"] * (len(NONE) // 2))
     cells = made_up_cells(gait=gaits)
     assert [band.label for band in bands(cells)][:2] == ["φ 0.580 HGCS", "φ 0.580 SGCS"]
     assert [band.label for band in bands(made_up_cells())] == ["φ 0.580", "φ 0.600", "φ 0.633"]
