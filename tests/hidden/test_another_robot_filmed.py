@@ -92,5 +92,5 @@ def test_with_sandbots_file_nothing_is_identified_and_the_file_is_blamed(filmed,
     assert command.main([str(filmed), "--robot", str(own), "--workers", "1", "--json", str(out)]) == 0
     assert json.loads(out.read_text())["verdict"]["effects"] == []
     said = " ".join(capsys.readouterr().out.split())
-    assert "in place of the bags' own (leg_radius_m 0.0355 and 0.05, mass_per_leg_kg 0.767 and 1.534)" in said
+    assert "in place of the data's own (leg_radius_m 0.0355 and 0.05, mass_per_leg_kg 0.767 and 1.534)" in said
     assert "robot.yaml may be wrong, so nothing is identified: peak speeds are 1.4" in said

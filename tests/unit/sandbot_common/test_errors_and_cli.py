@@ -1,3 +1,4 @@
+import errno
 import os
 import subprocess
 import sys
@@ -38,6 +39,15 @@ def test_the_commands_own_code(result, code):
 def test_a_fault_of_ours_is_not_hidden():
     with pytest.raises(ZeroDivisionError):
         run(raising(ZeroDivisionError()), [])
+    with pytest.raises(FileNotFoundError):
+        run(raising(FileNotFoundError(errno.ENOENT, "No such file", "report.css")), [])
+
+
+def test_a_name_too_long_for_a_file_is_one_short_line(capsys):
+    assert run(lambda _: int(Path("x" * 300).exists()), []) == BAD_INPUT
+    err = capsys.readouterr().err
+    assert err.endswith(f": error: {'x' * 30}…{'x' * 30}: File name too long\n")
+    assert err.count("\n") == 1
 
 
 def test_parser_complains_in_one_line():

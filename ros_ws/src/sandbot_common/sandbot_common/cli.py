@@ -2,6 +2,7 @@
 
 import argparse
 import ast
+import errno
 import io
 import os
 import signal
@@ -20,6 +21,8 @@ from sandbot_common.suggest import did_you_mean
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+SHORT = 30
+"""Characters of either end of a name that is too long for a file."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -159,7 +162,8 @@ def output(text: str) -> Path:
 
 
 def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | None = None) -> int:
-    """Run ``command`` on the arguments and return the exit code; only InputError and Ctrl-C are caught."""
+    """Run ``command`` on the arguments and return the exit code; only InputError, a name too long for a file, and
+    Ctrl-C are caught."""
     name = os.path.basename(sys.argv[0])
     speak_line_by_line()
     try:
@@ -171,6 +175,13 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     except InputError as error:
         # A file name may contain a newline.
         print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        return BAD_INPUT
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        # `Path.exists` raises this, although no such file can exist.
+        long = str(error.filename)
+        print(f"{name}: error: {long[:SHORT]}…{long[-SHORT:]}: {error.strerror}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print(f"{name}: interrupted; what was finished is kept", file=sys.stderr)

@@ -13,7 +13,7 @@ from made_up import BOOST
 
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.previews import change_of, folded, helps, ordered
+from sandbot_model.explore.previews import change_of, delta_bic, folded, helps, ordered
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -124,6 +124,10 @@ def test_the_change_is_told_from_before_to_after_and_whether_it_helps():
     assert change_of((0.03, 0.02), True, 0.01) == "3.00 → 1.00 cm/s"
     assert change_of(None, False, 0.01) == "…"
     assert change_of((math.nan, math.nan), False, 0.01) == "no fit"
+    assert change_of((math.nan, 12.0), False, math.nan) == "–"
+    assert delta_bic((0.01, 150.0), False, 200.0) == "ΔBIC −50"
+    assert delta_bic((0.01, 250.0), True, 200.0) == "ΔBIC −50"
+    assert delta_bic(None, False, 200.0) == delta_bic((math.nan, math.nan), False, 200.0) == ""
     assert helps(None, 200.0)
     assert helps((0.01, 199.0), 200.0)
     assert not helps((0.009, 201.0), 200.0)

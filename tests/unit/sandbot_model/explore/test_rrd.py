@@ -14,7 +14,6 @@ from sandbot_common.errors import InputError
 from sandbot_model.explore import clip, rrd
 from sandbot_model.explore import scene as scenes
 from sandbot_model.tools import arguments
-from sandbot_model.tools import export as export_tool
 from sandbot_model.tools.export import main as export
 from sandbot_record.bags.reader import Bag
 
@@ -89,8 +88,7 @@ def test_a_full_disk_is_told_in_one_line(full, scene, bags, tmp_path, monkeypatc
         if full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(arguments, "trials", lambda _: (None, "robot: any"))
-    monkeypatch.setattr(export_tool, "_fitted", lambda *_: None)
+    monkeypatch.setattr(arguments, "ladder", lambda _: (None, "robot: any", [None]))
     monkeypatch.setattr(scenes, "scene_of", lambda *_: scene)
     monkeypatch.setattr(clip, "write_clip", write)
     name, path = next(iter(bags.items()))
@@ -99,3 +97,10 @@ def test_a_full_disk_is_told_in_one_line(full, scene, bags, tmp_path, monkeypatc
     assert said.count("\n") == full
     assert ("t.mp4: can't be written: No space left on device" in said) is full
     assert (tmp_path / "t.mp4").exists() is not full
+
+
+def test_a_table_has_no_trial_to_export_and_what_has_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.csv").write_text("trial_id,phi,omega_rad_s,speed_m_s\nt1,0.63,16,0.2\n")
+    assert export(["one.csv", "--trial", "t1", "--out", "x.mp4"]) == 2
+    assert ": error: one.csv: a table; v_x(t) and film need a campaign folder or bags\n" in capsys.readouterr().err

@@ -90,6 +90,28 @@ def test_every_view_opens_on_thin_data_and_the_page_says_what_it_can_not_show(tm
     assert cell_trials.parts(trials, {}, session.step(Selection()).fit, 1, LIGHT)
 
 
+def test_a_model_with_no_fewer_parameters_than_means_has_no_curve_and_no_error():
+    """One trial: the curve through it was drawn with a band, and the error given in picometres."""
+    one = made_up_trials(phis=(0.633,), replicates=1).select(np.arange(1))
+    unknown = dict.fromkeys(("lift_m", "peak_speed_m_s", "first_step_m"), np.full(1, np.nan))
+    session = Session(cells_of(replace(one, **unknown)), Inline())
+    shown = views.show(session, Selection(), LIGHT)
+    assert shown.status.startswith("simple model can't be tested: ")
+    assert "can't determine" in shown.status
+    assert not [trace for trace in shown.figure["data"] if trace.get("mode") == "lines"]
+    assert "No model is drawn: " in shown.caption
+    ladder = shown.ladder["layout"]
+    assert (ladder["yaxis"]["range"], ladder["yaxis"]["exponentformat"], ladder["annotations"]) == (
+        [0, 1.0],
+        "none",
+        [],
+    )
+    assert views.show(Session(cells_of(one), Inline()), Selection(), LIGHT).status.endswith(" 0 of 1 condition fails.")
+    for view in views.OF_THE_MODEL:
+        (said,) = views.show(session, Selection(view=view), LIGHT).figure["layout"]["annotations"]
+        assert "can't determine" in said["text"]
+
+
 def test_a_figure_is_told_in_words_with_its_numbers(session):
     shown = views.show(session, Selection(view="residuals"), LIGHT)
     fit = shown.current.fit

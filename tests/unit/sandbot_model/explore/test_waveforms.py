@@ -64,5 +64,5 @@ def test_a_bag_that_is_not_there_is_said(tmp_path):
     assert found == []
     assert [line.split(":")[0] for line in missing] == ["a", "b"]
     assert waveforms.read({}, ["a"])[1] == [
-        "These trials come from a table, not from bags: v_x(t) and video can't be shown."
+        "These trials come from a table: v_x(t) and film need a campaign folder or bags."
     ]

@@ -209,6 +209,47 @@ def test_every_force_needed_is_within_the_panel_and_the_outermost_are_named(mate
     assert panel.get_legend().get_title().get_text() == "φ"
 
 
+def test_lines_of_a_need_that_falls_are_named_where_they_lie_apart_and_what_is_crossed_fills_the_panel(
+    material, monkeypatch
+):
+    """Above the slow phase a fast leg needs twice what the ground gives: the axis, and the labels, were there."""
+    usual = force.forces
+
+    def falling(fit, omega):
+        at = usual(fit, omega)
+        early = at.depth_m < np.nanmin(usual(fit, OMEGA[0]).holds_m) - 2e-4
+        return replace(at, needed_n=np.where(early, at.needed_n.max() * 2 + 0.0 * at.needed_n, at.needed_n))
+
+    steady, _ = force.force(material, 85.0)
+    monkeypatch.setattr(force, "forces", falling)
+    figure, _ = force.force(material, 85.0)
+    (panel,) = figure.axes
+    assert panel.get_ylim()[1] == pytest.approx(steady.axes[0].get_ylim()[1])
+    lines = {f"ω {omega:g}": usual(material.fit, omega).needed_n[-1, -1] for omega in OMEGA}
+    assert len(panel.texts) > 1
+    for label in panel.texts:
+        assert (label.xy[0], label.get_ha()) == (0.98, "right")
+        assert label.xy[1] == pytest.approx(lines[label.get_text()])
+    assert {label.get_ha() for label in steady.axes[0].texts} == {"left"}
+
+
+def test_where_the_need_falls_is_said(material, two_gaits, monkeypatch):
+    """Of a clock with a slow phase that the model minds; controls: it begins outside the panel, and no such clock."""
+    of_phases = Material(**{**vars(material), "cells": two_gaits.cells, "fits": (two_gaits,)})
+    assert "falls" not in force.force(of_phases, 85.0)[1]
+    monkeypatch.setattr(force, "_shown_from_m", lambda *_: 0.0)
+    assert "The force needed falls (dotted) at 2.82 cm, where the slow phase begins." in force.force(of_phases, 85.0)[1]
+    assert "falls" not in force.force(material, 85.0)[1]
+
+
+def test_the_largest_speed_at_the_frequencies_measured_is_beside_that_at_any(material):
+    figure, caption = collapse.critical(material, 170.0)
+    (circles,) = [line for line in figure.axes[1].lines if line.get_label() == "model at the ω measured"]
+    best = [100 * material.fit.predicted[material.cells.level == n, 0].max() for n in range(len(K))]
+    assert circles.get_ydata() == pytest.approx(best)
+    assert "over the measured ω (circles)" in caption
+
+
 def dots(panel):
     """Depths [cm] at which a figure says that legs hold."""
     return sorted(x for line in panel.lines if line.get_marker() == "o" for x in line.get_xdata() if np.isfinite(x))

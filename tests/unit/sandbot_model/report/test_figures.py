@@ -41,7 +41,7 @@ def made_up_step(cells, z=None, fails=(), effects=()):
     table = np.zeros((len(cells), 4)) if z is None else z
     fit = SimpleNamespace(
         cells=cells, effects=effects, model=SimpleNamespace(base="simple"), residual_z=table, fails=fails,
-        rmse_m_s=0.02, cv_rmse_m_s=0.03,
+        lack_of_fit_p=0.5, rmse_m_s=0.02, cv_rmse_m_s=0.03,
         uncertainty=lambda phi, omega, beta: np.full((*np.broadcast_shapes(phi.shape, omega.shape), 4), 0.01),
     )  # fmt: skip
     return Step(fit, grid, np.full((len(bands(cells)), len(grid)), 0.10))
@@ -147,7 +147,7 @@ def test_of_two_gaits_at_one_phi_and_omega_the_cell_that_fails_is_marked():
     assert (text != "").sum() == 2
     said = captions.residuals(step, "speed")
     assert "2 of 24 cells fail. Worst: φ 0.580 SGCS, ω" in said
-    (table,) = table_sections.failing((step,)).tables
+    ((table,),) = (section.tables for section in table_sections.failing((step,)))
     assert [row[1] for row in table.rows] == ["0.580 SGCS", "0.580 UNIFORM"]
 
 
@@ -205,7 +205,7 @@ def test_frequencies_that_replicates_miss_a_little_are_one_column():
 
 
 def test_gaits_are_bands_of_their_own():
-    gaits = ["SGCS", "HGCS"] * (len(NONE) // 2)
+    gaits = np.array(["SGCS", "HGCS"] * (len(NONE) // 2))
     cells = made_up_cells(gait=gaits)
     assert [band.label for band in bands(cells)][:2] == ["φ 0.580 HGCS", "φ 0.580 SGCS"]
     assert [band.label for band in bands(made_up_cells())] == ["φ 0.580", "φ 0.600", "φ 0.633"]

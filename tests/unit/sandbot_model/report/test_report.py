@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
@@ -116,8 +117,8 @@ def test_formulas_of_the_effects_are_typeset(page, fits, tmp_path, trials):
 
 def test_words_of_a_users_own_effect_stay_words(fits):
     named = SimpleNamespace(identifier="mine", stage="step", formula="s <script>", seen_in="<b>steps</b>")
-    found = SimpleNamespace(model=SimpleNamespace(effects=(named,)))
-    (effects,) = _formulas(found)
+    found = SimpleNamespace(fit=SimpleNamespace(model=SimpleNamespace(effects=(named,))))
+    (effects,) = _formulas([found])
     page = render(Page("t", "k", (), (Section("s", "S", tables=(effects,)),)))
     assert "<script>alert" not in page
     assert "s &lt;script&gt;" in page
@@ -138,6 +139,66 @@ def test_verdict_stands_first_with_its_numbers(page, fits):
     assert "Ambiguous." in head
     assert f"from {100 * fits[0].rmse_m_s:.2f} cm/s to {100 * fits[1].rmse_m_s:.2f} cm/s" in head
     assert "noise floor is 0.50 cm/s" in head
+
+
+def head_of(path):
+    page = path.read_text(encoding="utf-8")
+    return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", page[page.index("<header>") : page.index("</header>")]))
+
+
+def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery, fits, trials):
+    """Of a set that is identified, and of all that can't be told apart; control: nothing is named."""
+    identified = replace(
+        discovery.verdict, status="identified", alternatives=(("leg_slip",),), because="leg_slip it is"
+    )
+    other = compare(cells_of(trials), EFFECTS, ["cable_drag"])[-1]
+    for name, verdict, tried in (
+        ("one", identified, ()),
+        ("two", discovery.verdict, (fits[-1], other)),
+        ("none", Verdict("adequate", (), (), "nothing is missing"), ()),
+    ):
+        found = replace(discovery, verdict=verdict, fits=tried, steps=fits[: 1 if name == "none" else 2])
+        write_report(tmp_path / f"{name}.html", found, trials, title=name)
+    one, two, none = (head_of(tmp_path / f"{name}.html") for name in ("one", "two", "none"))
+    assert "Identified. Leg slip it is. With leg slip the error" in one
+    slip = (
+        f"A shallow leg slips back through the grains. slip at depth d_r: {fits[-1].parameter_text('leg_slip.sigma')}"
+    )
+    drag_n = other.parameter_text("cable_drag.f_c_n")
+    drag = f"The cable holds back, the leg creeps. drag of the cable on one leg: {drag_n} N"
+    assert f"Leg slip: {slip}" in one
+    assert "Either leg slip" not in one
+    assert f"Either leg slip: {slip}" in two
+    assert f"Or cable drag: {drag}" in two
+    assert "With any of them the error of mean speed goes from" in two
+    assert f"Error, + leg slip {100 * fits[-1].rmse_m_s:.2f} cm/s" in two
+    assert f"Error, + cable drag {100 * other.rmse_m_s:.2f} cm/s" in two
+    assert "grains" not in none
+
+
+def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fits, trials):
+    other = compare(cells_of(trials), EFFECTS, ["cable_drag"])[-1]
+    write_report(tmp_path / "r.html", replace(discovery, fits=(fits[-1], other)), trials, title="r")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert re.findall(r"<li data-rung=\"\d\">(.*?)<small>", page) == ["simple model", "+ leg slip", "+ cable drag"]
+    assert 'step="1" value="1"' in page
+    assert "parameter unit simple model + leg slip + cable drag" in table(page, "Parameters")
+    assert {"leg slip step", "cable drag step"} <= set(
+        re.findall("(?:leg slip|cable drag) step", table(page, "Parameters"))
+    )
+    assert {trace["mode"] for trace in figures_of(page)["ladder"]["light"][0]["data"][:2]} == {"markers"}
+    assert "Error of each model" in page
+
+
+def test_a_verdict_that_leaves_something_open_depends_on_a_robot_nobody_named(tmp_path, discovery, fits, trials):
+    def head(status, robot):
+        found = replace(discovery, verdict=Verdict(status, (), (), "no set fits"), steps=fits[:1])
+        write_report(tmp_path / "r.html", found, replace(trials, robot=robot), title="r")
+        return head_of(tmp_path / "r.html")
+
+    assert "Unexplained. If the robot was SandBot, which is assumed: no set fits. " in head("unexplained", None)
+    assert "Unexplained. No set fits. " in head("unexplained", SANDBOT)
+    assert "Adequate. No set fits. " in head("adequate", None)
 
 
 def test_what_the_user_wrote_can_not_become_markup(page):
@@ -214,10 +275,10 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     cells = replace(step.fit.cells, phi=step.fit.cells.phi + 0.002)
     missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0, 1)
     kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model", "undetermined")}
-    fit = SimpleNamespace(cells=cells, fails=(missed,), **kept)
+    fit = SimpleNamespace(cells=cells, fails=(missed,), lack_of_fit_p=0.5, **kept)
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
     levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
-    assert failing(shown).tables[0].rows[0][1] == levels[1] == "0.600"
+    assert failing(shown)[0].tables[0].rows[0][1] == levels[1] == "0.600"
     (all_cells,) = data(shown, Provenance(used=1), []).tables
     assert [row[0] for row in all_cells.rows] == levels
 
@@ -225,6 +286,13 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
 def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.004, 2) == text.centi(-4e-5) == "0.00"
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
+
+
+def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):
+    write_comparison(tmp_path / "c.html", fits, trials, title="c")
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "How they were analysed" in page
+    assert "An effect is claimed" not in page
 
 
 def test_what_a_claim_took_is_said_as_it_was(page):
@@ -342,7 +410,11 @@ def test_what_the_data_do_not_determine_is_not_shown(tmp_path, omegas):
     assert ("3 cell means can't determine 5 parameters: " in page.replace("&#39;", "'")) == few
     assert "speed" in figures_of(page)
     assert (not MODELLED & set(figures_of(page))) == few
-    for said in ("modelled", "misses the mean speed most", "Correlations of the errors", "Missed most"):
+    head = head_of(path)
+    assert ("The simple model can&#39;t be tested: 3 cell means can&#39;t determine 5 parameters." in head) == few
+    assert ("Error, simple model not known" in head) == few
+    assert np.isnan(fits[0].rmse_m_s) == few
+    for said in ("modelled", "misses the mean speed most", "Correlations of the errors", "Missed most", "failing cell"):
         assert (said not in without_plotly(page)) == few, said
 
 

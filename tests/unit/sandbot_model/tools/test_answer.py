@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import terminal
+from sandbot_common.robot import SANDBOT
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
@@ -272,6 +273,15 @@ def test_of_a_class_the_class_is_said_and_not_its_first(two):
     assert "one of these is the best in 100 % of bootstrap draws" in " ".join(told.split())
     assert two.headline == "ambiguous: one of 2 sets: leg_slip; cable_drag"
     assert not can_adopt(two)
+
+
+def test_what_is_unexplained_may_be_another_robot_where_none_is_named(two):
+    found = replace(two, verdict=Verdict("unexplained", (), (), "no set fits"), stability=np.nan)
+    assert answer.of_discovery(found, None).startswith(
+        "verdict: unexplained, if the robot was SandBot, which is assumed\n"
+    )
+    assert answer.of_discovery(found, SANDBOT).startswith("verdict: unexplained\n")
+    assert answer.of_discovery(two, None).startswith("verdict: ambiguous: one of 2 sets of effects, these")
 
 
 def test_a_plan_is_offered_for_trials_but_not_for_readings(two):

@@ -60,7 +60,7 @@ def served(monkeypatch):
 def told(*words):
     """The trials and the line that a command's options give."""
     parser = Parser(prog="test")
-    parser.add_argument("data", nargs="+")
+    parser.add_argument("data", type=Path, nargs="+")
     arguments.add_setting(parser)
     return arguments.trials(parser.parse_args(words))
 
@@ -80,6 +80,19 @@ def test_a_report_is_called_as_asked_or_as_its_data(tmp_path, monkeypatch):
     assert titles == ["2024.05.12", "mine"]
 
 
+def test_the_table_of_a_campaign_has_the_robot_of_the_file_beside_it(folder):
+    Path("runs").mkdir()
+    Path("t.csv").rename("runs/trials.csv")
+    Path("big.yaml").rename("runs/robot.yaml")
+    for words in (["runs/trials.csv"], ["runs"]):
+        trials, line = told(*words)
+        assert (trials.robot, line) == (BIG, "robot: runs/robot.yaml")
+    Path("small.yaml").write_text(dump_yaml(to_mapping(SANDBOT)), encoding="utf-8")
+    trials, line = told("runs/trials.csv", "--robot", "small.yaml")
+    assert trials.robot == SANDBOT
+    assert line.startswith("robot: small.yaml in place of the data's own (")
+
+
 def test_cameras_tell_frame_rate_and_accuracy(folder):
     trials, _ = told("t.csv", "--cameras", "fast.yaml")
     assert (trials.frame_rate_hz, trials.accuracy) == (200.0, Accuracy(lift_m=0.002))
@@ -90,7 +103,7 @@ def test_a_robot_named_goes_before_the_bags_own_and_that_is_said():
     own = from_rows([Row("a", 0.6)], SANDBOT)
     trials, line = arguments.of_robot(own, BIG, "big.yaml")
     assert trials.robot == BIG
-    assert "in place of the bags' own (leg_radius_m 0.05 and 0.0355" in line
+    assert "in place of the data's own (leg_radius_m 0.05 and 0.0355" in line
     assert arguments.of_robot(own, SANDBOT, "same.yaml")[1] == "robot: same.yaml"
     with pytest.raises(InputError, match="the first steps in DATA were read with 0"):
         arguments.of_robot(own, Robot(leg_mount_rad=0.5), "mounted.yaml")

@@ -212,6 +212,9 @@ def test_no_bag(tmp_path):
         Bag.open(tmp_path / "none")
     with pytest.raises(InputError, match=r"not a bag: no metadata.yaml"):
         Bag.open(tmp_path)
+    (tmp_path / "trials").mkdir()
+    with pytest.raises(InputError, match=r"not a bag but a campaign folder: its bags are in .*/trials"):
+        Bag.open(tmp_path)
     (tmp_path / "x.txt").write_text("x")
     with pytest.raises(InputError, match="not a bag: neither"):
         Bag.open(tmp_path / "x.txt")

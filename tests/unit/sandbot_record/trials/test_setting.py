@@ -1,6 +1,7 @@
 """The robot travels with its trials: from the bag or the campaign's folder to whoever reads them."""
 
 import json
+import shutil
 
 import bags
 import pytest
@@ -47,6 +48,40 @@ def test_the_robot_outlives_the_cache_and_the_table(tmp_path):
     assert (cached.cached, cached.trials.robot, cached.trials.frame_rate_hz) == (2, BIG, pytest.approx(100.0))
     table.make(tmp_path)
     assert read(tmp_path).robot == BIG
+
+
+def test_a_campaigns_table_has_the_setting_of_its_folder_whatever_it_is_given_by(tmp_path):
+    bag(tmp_path / "trials" / "a", BIG, "a")
+    (tmp_path / "robot.yaml").write_text(json.dumps(to_mapping(BIG)), encoding="utf-8")
+    (tmp_path / "cameras.yaml").write_text(
+        "dorsal: {frame_rate_hz: 100.0}\naccuracy: {lift_m: 0.002}", encoding="utf-8"
+    )
+    table.make(tmp_path)
+    by_folder = read(tmp_path)
+    edited = tmp_path / "without_wet.csv"
+    edited.write_bytes((tmp_path / "trials.csv").read_bytes())
+    for path in (tmp_path / "trials.csv", edited):
+        by_table = read(path)
+        assert (
+            (by_table.robot, by_table.accuracy)
+            == (by_folder.robot, by_folder.accuracy)
+            == (BIG, Accuracy(lift_m=0.002))
+        )
+        assert repr(by_table.rows()) == repr(by_folder.rows())
+        assert by_table.frame_rate_hz == pytest.approx(by_folder.frame_rate_hz)
+        assert table.robot_file(path) == tmp_path / "robot.yaml"
+    assert table.robot_file(tmp_path) is None, "a folder of bags has the bags' robot"
+    shutil.rmtree(tmp_path / "trials")
+    assert read(tmp_path).robot == BIG
+    assert table.robot_file(tmp_path) == tmp_path / "robot.yaml"
+
+
+def test_a_robot_file_beside_a_table_of_no_campaign_is_not_its_robot(tmp_path):
+    bag(tmp_path / "campaign" / "trials" / "a", trial_id="a")
+    table.make(tmp_path / "campaign")
+    mine = (tmp_path / "campaign" / "trials.csv").rename(tmp_path / "mine.csv")
+    (tmp_path / "robot.yaml").write_text(json.dumps(to_mapping(BIG)), encoding="utf-8")
+    assert (read(mine).robot, table.robot_file(mine)) == (None, None)
 
 
 def test_a_campaigns_robot_file_that_its_bags_contradict_is_refused(tmp_path):

@@ -48,7 +48,7 @@ from sandbot_model.discovery.nuisances_in_words import confounded_drift, signifi
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
-from sandbot_model.discovery.plausibility import implausible_k, in_doubt
+from sandbot_model.discovery.plausibility import implausible_k, in_doubt, robot_may_be_wrong
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
@@ -327,7 +327,9 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
 def _explained_by_legs(search: EffectSearch, found: Shared) -> Shared | None:
     """The refusal of a verdict where legs of another radius explain as much; else None."""
     legs = instead_of_effects(search, found) if found.verdict.status in ("unexplained", *EXPLAINS_ALL) else ""
-    return Shared(_robot_in_doubt([legs]), search.fits, search.fits[()]) if legs else None
+    if not legs:
+        return None
+    return Shared(Verdict("unexplained", (), (), robot_may_be_wrong(legs)), search.fits, search.fits[()])
 
 
 def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:

@@ -47,7 +47,7 @@ def _label(added: Sequence[str]) -> str:
 def _row(step: Fit, label: str, errors: Mapping[str, float]) -> Sequence[str]:
     return [
         label,
-        *(to_error(CM * step.goodness.rmse[name], error) for name, error in errors.items()),
+        *(to_error(CM * step.rmse[name], error) for name, error in errors.items()),
         to_error(CM * step.cv_rmse_m_s, errors["speed"]),
         f"{step.lack_of_fit_p:.2g}" if math.isfinite(step.lack_of_fit_p) else "–",
         str(cells_missed(step.fails)) if math.isfinite(step.lack_of_fit_p) else "–",

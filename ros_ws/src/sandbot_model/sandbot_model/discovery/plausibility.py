@@ -49,8 +49,13 @@ def in_doubt(cells: Cells) -> str:
     if mixed := _two_set_ups(cells):
         return f"the table may mix two robots or set-ups, so nothing is identified: {mixed}"
     if doubted := doubts(cells):
-        return f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
+        return robot_may_be_wrong(*doubted)
     return ""
+
+
+def robot_may_be_wrong(*why: str) -> str:
+    """The reason of a verdict that names nothing because of robot.yaml."""
+    return f"robot.yaml may be wrong, so nothing is identified: {'; '.join(why)}"
 
 
 def doubts(cells: Cells) -> tuple[str, ...]:

@@ -32,12 +32,12 @@ from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
-from sandbot_model.explore.previews import ordered
 from sandbot_model.explore.session import Session
 from sandbot_model.explore.sheet import sheet
 from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
+from sandbot_model.fitting.text import counted
 from sandbot_model.report import waveforms
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
@@ -73,8 +73,8 @@ class Explorer:
         """The Dash application; nothing is loaded from the network."""
         cells, provenance = self.session.cells, self.provenance
         line = (
-            f"{provenance.used} trials used, {len(provenance.excluded)} excluded; {len(cells)} conditions over "
-            f"{len(cells.level_phi)} volume fractions"
+            f"{counted(provenance.used, 'trial')} used, {len(provenance.excluded)} excluded; "
+            f"{counted(len(cells), 'condition')} over {counted(len(cells.level_phi), 'volume fraction')}"
         )
         line += f"; {self.robot_line}" if self.robot_line else ""
         app = bare(self.title, _on_error)
@@ -139,10 +139,13 @@ class Explorer:
         session, fitted = self.session, replace(selection, by_hand=())
         previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
-        alone = session.previews(replace(selection, effects=()))
+        bare = replace(fitted, effects=())
+        alone = session.previews(bare)
         stated = session.with_final_errors(fitted)
         complete = stated is not None and all(preview is not None for preview in previews.values())
-        options = effect_list.effect_options(effects, ordered(alone), session.step(fitted).fit, previews, stated)
+        options = effect_list.effect_options(
+            effects, alone, session.step(bare).fit, session.step(fitted).fit, previews, stated
+        )
         return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:

@@ -8,9 +8,10 @@ from flask import Flask, Response, abort
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
-from sandbot_model.explore.previews import change_of, folded, ordered
+from sandbot_model.explore.previews import change_of, delta_bic, folded, ordered
 from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.report import text
@@ -26,12 +27,14 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Effects: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
+<p>Those switched on, then by ΔBIC, best first. It counts all that is measured: an effect may lower it and raise the
+error of mean speed.</p>
 <p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor: {floor}, {perfect}.
 {held_values}</p>
 {pending}</header>
 <main class="cards">{cards}{folded}</main>{script}</body></html>"""
 CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
-<div><h2 id="h-{name}">{heading}</h2><p class="change">{change}</p>
+<div><h2 id="h-{name}">{heading}</h2><p class="change">{change}</p><p class="kind">{delta_bic}</p>
 <p><a class="switch" href="/{query}">{verb} {heading}</a></p></div>
 <div class="facts"><p>{words}.</p><p class="formula" tabindex="0" role="group" aria-label="formula">{formula}</p>
 <dl><dt>acts on</dt><dd>{stage}</dd>{ranges}<dt>source</dt><dd>{source}</dd></dl>
@@ -70,7 +73,7 @@ class CardsPage:
         effects = self._session.catalogue(selection.formulas)
         names = ordered(previews, selection.effects)
         now_m_s = now.fit.rmse_m_s
-        cards = {name: self._card(effects[name], asked, previews[name], now_m_s) for name in names}
+        cards = {name: self._card(effects[name], asked, previews[name], now.fit) for name in names}
         rest = [cards[name] for name in names if folded(effects[name], previews[name], now.fit)]
         pending = any(preview is None for preview in previews.values())
         return Response(
@@ -105,7 +108,7 @@ class CardsPage:
         effects = self._session.catalogue(formulas)
         return fingerprint(effects[name], effects)
 
-    def _card(self, effect: Effect, selection: Selection, preview: tuple[float, float] | None, now_m_s: float) -> str:
+    def _card(self, effect: Effect, selection: Selection, preview: tuple[float, float] | None, now: Fit) -> str:
         name, heading = effect.identifier, escape(readable(effect.identifier))
         on = name in selection.effects
         others = [other for other in selection.effects if other != name]
@@ -114,7 +117,8 @@ class CardsPage:
         ranges = "".join(f"<dt>{text.symbol(p)}</dt><dd>{escape(range_text(p))}</dd>" for p in effect.parameters)
         return CARD.format(
             name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
-            change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),
+            change=change_of(preview, on, now.rmse_m_s), delta_bic=delta_bic(preview, on, now.bic),
+            query=escape(to_query(toggled)), words=escape(words(effect)),
             formula=mathml_in_pieces(effect.formula), stage=effect.stage, ranges=ranges, source=escape(effect.source),
             own=escape(to_query(Selection(formulas=selection.formulas))), design=DESIGN,
         )  # fmt: skip

@@ -154,7 +154,10 @@ def _suggestion() -> html.Div:
 def _effects(floor_m_s: float) -> html.Fieldset:
     return html.Fieldset(
         [
-            html.Legend(f"Effects by BIC, and the error of mean speed without → with each{_floor(floor_m_s)}"),
+            html.Legend(
+                "Effects by ΔBIC, of each alone on all that is measured, and the error of mean speed without → with "
+                f"each{_floor(floor_m_s)}"
+            ),
             html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
             html.Div(
                 [

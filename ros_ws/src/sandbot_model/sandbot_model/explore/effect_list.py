@@ -1,13 +1,13 @@
 """The list of effects with the change of the error by each, and the input of a user's own formula."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from dash import html
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
-from sandbot_model.explore.previews import Preview, change_of, folded
+from sandbot_model.explore.previews import Preview, change_of, delta_bic, folded, ordered
 from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import fitted_values
 from sandbot_model.fitting.fit import Fit
@@ -20,22 +20,30 @@ from sandbot_model.report.view import readable
 
 
 def effect_options(
-    effects: Mapping[str, Effect], order: Sequence[str], now: Fit, previews: Mapping[str, Preview], stated: Fit | None
+    effects: Mapping[str, Effect],
+    alone: Mapping[str, Preview],
+    base: Fit,
+    now: Fit,
+    previews: Mapping[str, Preview],
+    stated: Fit | None,
 ) -> list[dict[str, Any]]:
-    """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
-    and fitted values if it is on. Effects that do not help get a class by which the page folds them away.
+    """One option for each effect: drawing, name, ΔBIC by which they are ordered, error before → after it is switched
+    on, stage, formula, and fitted values if it is on. Effects that do not help get a class by which the page folds them
+    away.
 
-    ``now`` is the fit shown, ``stated`` the same with final standard errors, once they are known.
+    ``alone`` are the previews of each added to ``base``. ``now`` is the fit shown, ``stated`` the same with final
+    standard errors, once they are known.
     """
     on = now.effects
     options = []
-    for name in order:
+    for name in ordered(alone):
         effect, preview = effects[name], previews[name]
+        change = delta_bic(alone[name], False, base.bic)
         label = static(
             html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
             html.Span(readable(name), className="effect"),
             html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
-            html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
+            html.Small([f"{change}; " if change else "", f"{effect.stage}: ", _typeset(effect.formula)]),
             html.Small(fitted_values(effect, stated) if stated else "…", className="values") if name in on else None,
             className="effect-line useless" if folded(effect, preview, now) else "effect-line",
         )

@@ -34,11 +34,18 @@ def ordered(previews: Mapping[str, Preview], on: Sequence[str] = ()) -> list[str
     return sorted(previews, key=rank)
 
 
+def delta_bic(preview: Preview, switched_on: bool, now_bic: float) -> str:
+    """``ΔBIC −123``: the change of the BIC from without an effect to with it; empty where it is not known."""
+    if preview is None or not math.isfinite(preview[1]):
+        return ""
+    return f"ΔBIC {text.number((now_bic - preview[1]) * (1 if switched_on else -1), 0)}"
+
+
 def change_of(preview: Preview, switched_on: bool, now_m_s: float) -> str:
     """``1.32 → 0.47 cm/s``: the error of mean speed without and with an effect."""
     if preview is None:
         return "…"
     if not math.isfinite(preview[0]):
-        return "no fit"
+        return "–" if math.isfinite(preview[1]) else "no fit"
     without, with_it = (preview[0], now_m_s) if switched_on else (now_m_s, preview[0])
     return f"{text.centi(without)} → {text.cm_s(with_it)}"

@@ -30,6 +30,8 @@ TITLES = {
     "parameters": "Parameters",
 }
 """View → title of its tab."""
+OF_THE_MODEL = ("residuals", "critical", "step", "balance")
+"""Views that show nothing where the data determine no model."""
 COLUMNS = 4
 PANE_COLUMNS = 2
 """Panels per row of a figure alone, and of one side by side with another."""
@@ -130,6 +132,8 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
     cells = current.fit.cells
 
     def speed() -> Spec:
+        if current.fit.undetermined:
+            return figures.measured_speed(current, theme)
         return figures.speed(current, base, theme, columns=columns, with_band=not selection.by_hand)
 
     draw: Mapping[str, Callable[[], Spec]] = {
@@ -147,15 +151,24 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
 def caption(selection: Selection, current: Step) -> str:
     """Caption of the selected view."""
     by_view: Mapping[str, Callable[[], str]] = {
-        "speed": lambda: captions.speed(current),
+        "speed": lambda: _speed_caption(current),
         "residuals": lambda: captions.residuals(current, selection.observable),
         "critical": lambda: captions.critical(current),
         "step": lambda: captions.step_ratio(current),
         "balance": lambda: captions.balance(current, frequency(selection, current)),
         "lock": lambda: captions.lock(current.fit.cells),
-        "parameters": lambda: captions.speed(current),
+        "parameters": lambda: _speed_caption(current),
     }
     return by_view[selection.view]()
+
+
+def _speed_caption(current: Step) -> str:
+    missing = current.fit.undetermined
+    return (
+        f"{captions.measured_speed(current.fit.cells)} No model is drawn: {missing}."
+        if missing
+        else captions.speed(current)
+    )
 
 
 def unavailable(selection: Selection, current: Step) -> str:
@@ -165,6 +178,8 @@ def unavailable(selection: Selection, current: Step) -> str:
         return f"{readable(selection.observable).capitalize()} was not measured in these trials."
     if selection.view == "lock" and not {"speed", "lift"} <= set(measured):
         return "The geometry lock needs speed and lift; lift was not measured in these trials."
+    if current.fit.undetermined and selection.view in OF_THE_MODEL:
+        return f"{current.fit.undetermined}: figures of the model are left out."
     return ""
 
 
@@ -188,12 +203,14 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     """The one-sentence summary that screen readers announce after each change."""
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
+    if fit.undetermined:
+        return f"{current.whole_label}{by_hand} can't be tested: {fit.undetermined}."
     failing = cells_missed(fit.fails)
     outside = "" if selection.by_hand else f", {fit.out_of_sample}"
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
         f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {text.counted(len(fit.cells), 'condition')} "
-        f"{'fails' if failing == 1 else 'fail'}."
+        f"{'fails' if 1 in (failing, len(fit.cells)) else 'fail'}."
     )
 
 

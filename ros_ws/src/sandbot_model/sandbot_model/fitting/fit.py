@@ -1,5 +1,6 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
+import math
 import textwrap
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -74,7 +75,7 @@ class Fit(Fitted):
             "variants": self.variants,
             "rmse_m_s": number(self.rmse_m_s),
             "cv_rmse_m_s": number(self.cv_rmse_m_s),
-            "rmse": {name: number(value) for name, value in goodness.rmse.items()},
+            "rmse": {name: number(value) for name, value in self.rmse.items()},
             "cv_rmse": {name: number(value) for name, value in cv.rmse.items()},
             "cv_cells": cv.cells,
             "cv_deviance": number(cv.deviance),
@@ -184,10 +185,10 @@ class Fit(Fitted):
         return f"{value:.4g}, held" if name in self.model.held else self.value_text(value, stderr)
 
     def value_text(self, value: float, stderr: float) -> str:
-        """A fitted value ± standard error, or only rounded to it unless ``errors_hold``; "not determined" unless
+        """A fitted value ± standard error, or to three digits unless ``errors_hold``; "not determined" unless
         there are more cell means than unknowns."""
         text = UNDETERMINED if self.undetermined else with_error(value, stderr)
-        return text if self.errors_hold or text == UNDETERMINED else to_error(value, stderr)
+        return text if self.errors_hold or text == UNDETERMINED else to_error(value, math.nan)
 
 
 def scored(*fits: Fit) -> str:

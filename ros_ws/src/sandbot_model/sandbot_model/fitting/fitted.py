@@ -111,7 +111,13 @@ class Fitted:
     @property
     def rmse_m_s(self) -> float:
         """Rms error of mean speed in sample."""
-        return self.goodness.rmse["speed"]
+        return self.rmse["speed"]
+
+    @property
+    def rmse(self) -> Mapping[str, float]:
+        """Rms error of each observable in sample [SI]; NaN where the data determine no parameter, as a model with no
+        fewer unknowns than there are means passes through these."""
+        return self.goodness.rmse if self.goodness.dof > 0 else dict.fromkeys(NAMES, np.nan)
 
     @cached_property
     def cross_validation(self) -> CrossValidation:

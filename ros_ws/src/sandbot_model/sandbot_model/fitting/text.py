@@ -43,7 +43,7 @@ def to_error(value: float, error: float) -> str:
     if not math.isfinite(value):
         return "–"
     if not math.isfinite(error) or error <= 0.0:
-        return f"{value:.3g}"
+        return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
     return f"{value:.{min(max(0, -math.floor(math.log10(error / 3.55))), 9)}f}"
 
 

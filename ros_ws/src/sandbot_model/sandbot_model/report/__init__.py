@@ -13,7 +13,8 @@ figures    for the page (Plotly): speed, lift and errors; print_figures: for pri
   of trials       run_order, waveforms; provenance: which are used
 captions   how to read each figure; text: numbers for readers
 atlas      the paper's figures
-view       the data shown; curves: with the models'; effect_facts, drawings: an effect in words and as a drawing
+view       the data shown; curves: with the models'; effect_facts, drawings: an effect in words and as a drawing;
+           in_words: the effects that a verdict names
 theme      colours and layout
 """
 

@@ -23,6 +23,7 @@ from sandbot_model.report import (
 from sandbot_model.report.content import headline
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.data_section import json_download
+from sandbot_model.report.in_words import spelled_out
 from sandbot_model.report.page import Download, Figure, Page, Section, data_uri
 from sandbot_model.report.view import Provenance, Step
 
@@ -35,6 +36,7 @@ PLAN = "next.yaml"
 def argument_page(discovery: Discovery, provenance: Provenance, *, title: str, back: str = "") -> Page:
     """The page that argues for a verdict. ``back`` is the address of its link back."""
     verdict = discovery.verdict
+    because = spelled_out(verdict.because, discovery.fit.model.catalogue)
     shown = with_curves(rivals.rivals(discovery))
     opened = min(1, len(shown) - 1)
     return Page(
@@ -42,7 +44,7 @@ def argument_page(discovery: Discovery, provenance: Provenance, *, title: str, b
         kind="Why: the argument for the verdict",
         back=back,
         status=verdict.status,
-        sentence=f"{verdict.because[:1].upper()}{verdict.because[1:].rstrip('.')}.",
+        sentence=f"{because[:1].upper()}{because[1:].rstrip('.')}.",
         headline=headline(shown[:2], discovery.noise_floor_m_s, provenance, discovery.cells),
         cautions=provenance.cautions,
         steps=tuple((step.label, f"error {text.cm_s(step.fit.rmse_m_s)}") for step in shown),
@@ -104,11 +106,8 @@ def _maps(shown: Steps, discovery: Discovery) -> Section:
 
 def _rivals(shown: Steps, discovery: Discovery) -> Section:
     labels = "; ".join(step.label for step in shown)
-    figure = Figure(
-        "rivals", (f"Mean speed against ω by {text.counted(len(shown), 'model')}: {labels}.",),
-        "Points: measured, bars one standard deviation of a trial. Lines: the models, the one chosen above is thicker.",
-        lambda theme: [rivals.overlay(shown, n, theme) for n in range(len(shown))],
-    )  # fmt: skip
+    alt = f"Mean speed against ω by {text.counted(len(shown), 'model')}: {labels}."
+    figure = rivals.overlay_figure("rivals", shown, (alt,))
     tables = (rivals.comparison_table(shown, discovery.fits),)
     return Section("rivals", "What else could it be?", figures=(figure,), tables=tables)
 

@@ -69,8 +69,9 @@ def measured_speed(cells: Cells) -> str:
         return "Mean speed was not measured."
     best = int(np.nanargmax(seen))
     return (
-        f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ. "
-        f"Fastest: {text.cm_s(seen[best])} at {condition_label(cells, best)}."
+        f"Mean speed against leg frequency ω, one panel for each of "
+        f"{text.counted(len(bands(cells)), 'volume fraction')}. Fastest: {text.cm_s(seen[best])} at "
+        f"{condition_label(cells, best)}."
     )
 
 
@@ -117,8 +118,9 @@ def step_ratio(step: Step) -> str:
         return "Mean speed was not measured, so step length is not known."
     longest = int(np.nanargmax(ratio))
     return (
-        f"Step length over leg radius against leg frequency, measured and modelled, for {len(bands(cells))} volume "
-        f"fractions. Longest: {ratio[longest]:.2f} R at {condition_label(cells, longest)}; shortest "
+        f"Step length over leg radius against leg frequency, measured and modelled, for "
+        f"{text.counted(len(bands(cells)), 'volume fraction')}. Longest: "
+        f"{ratio[longest]:.2f} R at {condition_label(cells, longest)}; shortest "
         f"{np.nanmin(ratio):.2f} R."
     )
 

@@ -2,16 +2,20 @@
 
 from collections.abc import Sequence
 
+from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import table_sections as tables
 from sandbot_model.report import text
 from sandbot_model.report.data_section import data, json_download
+from sandbot_model.report.drawings import drawing
+from sandbot_model.report.effect_facts import words
 from sandbot_model.report.figure_sections import figure_sections, run_order_section
-from sandbot_model.report.page import Page, Section
+from sandbot_model.report.in_words import condition, estimates, named_sets, spelled_out
+from sandbot_model.report.page import NamedEffect, Page, Section, data_uri
 from sandbot_model.report.table_sections import Frames
-from sandbot_model.report.view import Provenance, Step, frequencies
+from sandbot_model.report.view import Provenance, Step, frequencies, is_ladder, readable
 from sandbot_record.trials.table import Trials
 
 
@@ -36,10 +40,12 @@ def discovery_page(
         title=title,
         kind="Where the walking model fails, and what repairs it",
         status=verdict.status,
-        sentence=_sentence(verdict.because, steps, discovery.noise_floor_m_s),
+        sentence=_sentence(discovery, steps, trials.robot),
+        named=_named(discovery),
         headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
         cautions=provenance.cautions,
         steps=_step_names(steps),
+        opened=-1 if is_ladder(steps) else 1,
         sections=(
             *opening,
             *figure_sections(steps, discovery.noise_floor_m_s),
@@ -50,7 +56,7 @@ def discovery_page(
             *tables.residual(discovery),
             tables.parameters(steps),
             *tables.next_trials(discovery),
-            tables.failing(steps),
+            *tables.failing(steps),
             *tables.video(frames),
             data(steps, provenance, [json_download(discovery)]),
         ),
@@ -81,7 +87,7 @@ def comparison_page(
             *figure_sections(steps, floor),
             *atlas,
             tables.parameters(steps),
-            tables.failing(steps),
+            *tables.failing(steps),
             *tables.video(frames),
             data(steps, provenance, []),
         ),
@@ -92,16 +98,17 @@ def headline(
     steps: tuple[Step, ...], noise_floor_m_s: float, provenance: Provenance, cells: Cells
 ) -> tuple[tuple[str, str, str], ...]:
     """The key numbers at the top: (term, value, meaning)."""
-    first, last = steps[0].fit, steps[-1].fit
+    first = steps[0].fit
     terms = [(f"Error, {steps[0].label}", text.cm_s(first.rmse_m_s), _out_of_sample(first))]
-    if len(steps) > 1:
-        terms.append((f"Error, {steps[-1].label}", text.cm_s(last.rmse_m_s), _out_of_sample(last)))
+    for step in steps[-1:] if is_ladder(steps) else steps[1:]:
+        if step is not steps[0]:
+            terms.append((f"Error, {step.label}", text.cm_s(step.fit.rmse_m_s), _out_of_sample(step.fit)))
     meaning = (
         "r.m.s. of the error bars of mean speed" if cells.error_bars else "scatter of mean speed between replicates"
     )
     terms.append(("Noise floor", text.cm_s(noise_floor_m_s), meaning))
     levels, omegas = len(cells.level_phi), len(frequencies(cells)[0])
-    plan = f"{len(cells)} conditions over {levels} φ and {omegas} ω"
+    plan = f"{text.counted(len(cells), 'condition')} over {levels} φ and {omegas} ω"
     terms.append(("Trials", str(provenance.used), plan))
     return tuple(terms)
 
@@ -110,17 +117,50 @@ def _out_of_sample(fit: Fit) -> str:
     return f"r.m.s. of mean speed; {fit.out_of_sample}"
 
 
-def _sentence(because: str, steps: tuple[Step, ...], floor: float) -> str:
-    """The reason for the verdict, and the resulting change of the error."""
-    reason = because[:1].upper() + because[1:].rstrip(".")
-    return f"{reason}. {_comparison_sentence(steps, floor)}"
+def _sentence(found: Discovery, steps: tuple[Step, ...], robot: Robot | None) -> str:
+    """The reason for the verdict and its condition, if any, and the resulting change of the error."""
+    because = spelled_out(found.verdict.because, found.fit.model.catalogue).rstrip(".")
+    only_if = condition(found, robot)
+    reason = f"{only_if}: {because}" if only_if else because
+    return f"{reason[:1].upper()}{reason[1:]}. {_comparison_sentence(steps, found.noise_floor_m_s)}"
+
+
+def _named(found: Discovery) -> tuple[tuple[str, tuple[NamedEffect, ...]], ...]:
+    """The sets that the verdict names, with a heading where it can't tell which of several holds."""
+    sets = named_sets(found)
+    either = ("Either ", *["Or "] * (len(sets) - 1)) if len(sets) > 1 else ("",)
+    return tuple(
+        (f"{which}{' + '.join(map(readable, names))}", tuple(_named_effect(name, "", found, fit) for name in names))
+        if which and len(names) > 1
+        else ("", tuple(_named_effect(name, which, found, fit) for name in names))
+        for which, (names, fit) in zip(either, sets, strict=False)
+    )
+
+
+def _named_effect(name: str, which: str, found: Discovery, fit: Fit | None) -> NamedEffect:
+    drawn = drawing(name)
+    fitted = () if fit is None else estimates(name, fit)
+    return NamedEffect(
+        f"{which}{readable(name)}",
+        words(found.fit.model.catalogue[name]),
+        tuple(f"{p.doc}: {value}{remark}" for p, value, remark in fitted),
+        data_uri(drawn.encode(), "image/svg+xml") if drawn else "",
+    )
 
 
 def _comparison_sentence(steps: tuple[Step, ...], floor: float) -> str:
     first, last = steps[0], steps[-1]
+    if last.fit.undetermined:
+        return f"The {last.whole_label} can't be tested: {last.fit.undetermined}."
     if len(steps) == 1:
         return (
             f"The {first.label} leaves {text.cm_s(first.fit.rmse_m_s)} of error; the noise floor is {text.cm_s(floor)}."
+        )
+    if not is_ladder(steps):
+        errors = sorted({text.cm_s(step.fit.rmse_m_s) for step in steps[1:]})
+        return (
+            f"With any of them the error of mean speed goes from {text.cm_s(first.fit.rmse_m_s)} to "
+            f"{' or '.join(errors)}; the noise floor is {text.cm_s(floor)}."
         )
     change = "falls" if last.fit.rmse_m_s < first.fit.rmse_m_s else "does not fall:"
     return (

@@ -17,7 +17,7 @@ from sandbot_model.report.view import Provenance, Step, measured, residual_z, sc
 
 def data(steps: tuple[Step, ...], provenance: Provenance, downloads: list[Download]) -> Section:
     """Trials used and excluded, all cells, and files to download."""
-    line = f"{provenance.used} trials used, {len(provenance.excluded)} excluded."
+    line = f"{text.counted(provenance.used, 'trial')} used, {len(provenance.excluded)} excluded."
     tables = [_cell_table(steps)]
     if provenance.excluded:
         tables.insert(0, Table("Trials excluded", ("trial", "why"), list(provenance.excluded), (True, True)))

@@ -11,6 +11,8 @@ from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import Variant
 
 DESIGN = f"{TRIALS} trials in each of {len(PHI)} x {len(OMEGA_RAD_S)} conditions"
+OBSERVABLES = "v speed, L lift, W waveform, T torque, P pitch"
+"""Symbols in ``Effect.seen_in``."""
 ABSORBED = "k(φ), Δt and the swimming speed of the simple model absorb it"
 
 

@@ -3,9 +3,9 @@
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, run_order, text
+from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, rivals, run_order, text
 from sandbot_model.report.page import Figure, Section, Table
-from sandbot_model.report.view import Step
+from sandbot_model.report.view import Step, is_ladder
 from sandbot_record.trials.table import Trials
 
 
@@ -31,7 +31,8 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             figures=tuple(_residual_figure(steps, name) for name in cells.observables),
         ),
         Section(
-            "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
+            "ladder", "Error as effects are added" if is_ladder(steps) else "Error of each model",
+            figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),),
         ),
         *lock,
         Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
@@ -44,6 +45,8 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
 
 
 def _speed_figure(steps: tuple[Step, ...]) -> Figure:
+    if not is_ladder(steps):
+        return rivals.overlay_figure("speed", steps, tuple(captions.speed(step) for step in steps))
     return Figure(
         name="speed",
         alt=tuple(captions.speed(step) for step in steps),
@@ -106,7 +109,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     rows = []
     for step in steps:
         errors = (
-            f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
+            f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
             for n in cells.observables
         )
         counts = (step.fit.cross_validation.cells, cells_missed(step.fit.fails))

@@ -19,6 +19,7 @@ from sandbot_model.report.view import (
     Band,
     Step,
     bands,
+    is_ladder,
     measured,
     measured_name,
     readable,
@@ -150,6 +151,8 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         _rung("out of sample", places, out_of_sample, theme.accent, "circle", 11),
         _rung("in sample", places, in_sample, theme.faint, "circle-open", 9),
     ]
+    if not is_ladder(steps):
+        traces = [trace | {"mode": "markers"} for trace in traces]
     if math.isfinite(floor):
         traces.append(
             {

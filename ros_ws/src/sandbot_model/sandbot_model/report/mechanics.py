@@ -47,7 +47,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
     phis = np.array([band.phi for band in bands(cells)])
     seen = collapse(cells)
     phi, omega_c, peak = modelled_collapse(step.fit)
-    at_measured = [float(step.fit.predicted[band.cells, Observable.speed].max()) for band in bands(cells)]
+    at_measured = largest_at_measured(step.fit)
     middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
     half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
     line = {"color": theme.accent, "width": 2.5}
@@ -71,7 +71,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
                   "xaxis": "x2", "yaxis": "y2"},
         {"type": "scatter", "mode": "lines", "showlegend": False, "x": as_json(phi), "y": as_json(CM * peak),
          "name": f"largest mean speed, {model_name(step)}", "line": line, "xaxis": "x2", "yaxis": "y2"},
-        common | {"name": "model at the ω measured", "x": as_json(phis), "y": as_json(CM * np.array(at_measured)),
+        common | {"name": "model at the ω measured", "x": as_json(phis), "y": as_json(CM * at_measured),
                   "marker": {"color": theme.accent, "size": 11, "symbol": "circle-open", "line": {"width": 2}},
                   "hoverinfo": "skip", "xaxis": "x2", "yaxis": "y2"},
     ]  # fmt: skip
@@ -123,6 +123,11 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
             margin=LEGEND_ABOVE,
         ),
     }
+
+
+def largest_at_measured(fit: Fit) -> Floats:
+    """The model's largest mean speed over the ω measured [m/s], for each band."""
+    return np.array([fit.predicted[band.cells, Observable.speed].max() for band in bands(fit.cells)])
 
 
 def modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:

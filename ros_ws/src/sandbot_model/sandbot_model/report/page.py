@@ -80,6 +80,17 @@ class Section:
 
 
 @dataclass(frozen=True)
+class NamedEffect:
+    """An effect that a verdict names."""
+
+    name: str
+    words: str
+    parameters: tuple[str, ...] = ()
+    picture: str = ""
+    """Data URI of its drawing."""
+
+
+@dataclass(frozen=True)
 class Page:
     """Everything on the page, in reading order."""
 
@@ -90,6 +101,8 @@ class Page:
     sections: tuple[Section, ...]
     status: str = ""
     sentence: str = ""
+    named: tuple[tuple[str, tuple[NamedEffect, ...]], ...] = ()
+    """(heading, effects) of each set of effects that the verdict names; the heading is empty where there is one set."""
     cautions: tuple[tuple[str, str], ...] = ()
     steps: tuple[tuple[str, str], ...] = field(default=())
     """(label, error) of each selectable model: the steps of the ladder, or rivals."""

@@ -79,7 +79,8 @@ def limits(cells: Cells) -> tuple[str, ...]:
         )
     if assumed := assumption(cells.gait):
         notes.append(
-            f"How fast legs turn while they stand: {assumed}. A table states another as CUSTOM(θ_s θ_0 d_c), in rad."
+            f"How fast legs turn while they stand: {assumed}. A table's column gait names "
+            "another: HGCS, UNIFORM or CUSTOM(θ_s θ_0 d_c), in rad."
         )
     absent = [observable.label for observable in Observable if observable.name not in cells.observables]
     if absent:

@@ -8,7 +8,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.report import text
 from sandbot_model.report.figures import in_panel, legend_entry, line, points, speed_panels
-from sandbot_model.report.page import Table
+from sandbot_model.report.page import Figure, Table
 from sandbot_model.report.theme import Spec, Theme
 from sandbot_model.report.view import Step, bands
 
@@ -46,6 +46,15 @@ def overlay(steps: Sequence[Step], chosen: int, theme: Theme) -> Spec:
         for n, step in enumerate(steps)
     ]
     return spec
+
+
+def overlay_figure(name: str, steps: Sequence[Step], alt: tuple[str, ...]) -> Figure:
+    """The overlay, for each step as the chosen one."""
+    return Figure(
+        name, alt,
+        "Points: measured, bars one standard deviation of a trial. Lines: the models, the one chosen above is thicker.",
+        lambda theme: [overlay(steps, n, theme) for n in range(len(steps))],
+    )  # fmt: skip
 
 
 def _line_style(n: int, chosen: bool, colours: Sequence[str]) -> Spec:

@@ -10,7 +10,8 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, difference
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.report import text
 from sandbot_model.report.page import Section, Table
 from sandbot_model.report.view import Step, frequencies
 from sandbot_record.bags.reader import Bag
@@ -42,16 +43,17 @@ def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str)
     return Section("origin", "Where these trials come from", tables=(table,))
 
 
-def methods(steps: Sequence[Step], criteria: Criteria = DEFAULT) -> Section:
-    """The methods in order of the analysis, with the thresholds of the verdict's own ``criteria``."""
+def methods(steps: Sequence[Step], criteria: Criteria | None = None) -> Section:
+    """The methods in order of the analysis; with a verdict, what a claim took by its own ``criteria``."""
     cells = steps[0].fit.cells
     observables = ", ".join(name.replace("_", " ") for name in cells.observables)
     source = (
-        f"Rows are means of {observables}, one for each of {len(cells)} conditions; they are fitted, and the error "
-        "bars given are the pure error."
+        f"Rows are means of {observables}, one for each of {text.counted(len(cells), 'condition')}; they are fitted, "
+        "and the error bars given are the pure error."
         if cells.error_bars
-        else f"Trials of one volume fraction φ and leg frequency ω are replicates of a condition ({len(cells)} "
-        f"conditions); their means of {observables} are fitted, their scatter is the pure error."
+        else f"Trials of one volume fraction φ and leg frequency ω are replicates of a condition "
+        f"({text.counted(len(cells), 'condition')}); their means of {observables} are fitted, their scatter is "
+        "the pure error."
     )
     analysis = (
         f"{source} The model is a chain from clock to "
@@ -62,6 +64,8 @@ def methods(steps: Sequence[Step], criteria: Criteria = DEFAULT) -> Section:
         "the means against pure error; errors out of sample leave out one condition at a time, together with all "
         "others of its batch where batches hold whole conditions."
     )
+    if criteria is None:
+        return Section("methods", "How they were analysed", text=(analysis,))
     claims = (
         f"An effect is claimed if it lowers the deviance by at least {criteria.claim:g}, and the BIC of every other "
         f"set of its size is higher by at least {criteria.clearly:g}; nuisance parameters (the zero of the lift, the "
@@ -115,7 +119,7 @@ def _source(bag: Bag) -> str:
 def _plan(cells: Cells, names: Sequence[str]) -> str:
     omegas, _ = frequencies(cells)
     grid = (
-        f"{cells.trials} trials: φ {', '.join(f'{phi:.3f}' for phi in cells.level_phi)}; "
+        f"{text.counted(cells.trials, 'trial')}: φ {', '.join(f'{phi:.3f}' for phi in cells.level_phi)}; "
         f"ω {', '.join(f'{omega:.4g}' for omega in omegas)} rad/s"
     )
     return f"{_joined(names)}: {grid}" if any(names) else grid

@@ -1,7 +1,7 @@
 """Table sections of the page, and the video: effects tried, limits, parameters, failing cells, next trials."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -13,9 +13,10 @@ from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.report import text
+from sandbot_model.report.effect_facts import OBSERVABLES
 from sandbot_model.report.page import Picture, Section, Table, data_uri
 from sandbot_model.report.profiles import correlation
-from sandbot_model.report.view import Step, band_name, observable_label, readable
+from sandbot_model.report.view import Step, band_name, is_ladder, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
@@ -79,22 +80,24 @@ def residual(discovery: Discovery) -> list[Section]:
 
 def parameters(steps: tuple[Step, ...]) -> Section:
     """Fitted parameters of each step, the last step first, with the formulas of its effects."""
-    last, backwards = steps[-1], steps[::-1]
+    ladder = is_ladder(steps)
+    last, columns, heads = steps[-1], steps[:: -1 if ladder else 1], _added(steps)[:: -1 if ladder else 1]
     names = list(dict.fromkeys(name for step in steps for name in step.fit.parameters))
-    rows = [(*text.described(name), *(_estimate(step.fit, name) for step in backwards)) for name in names]
+    rows = [(*text.described(name), *(_estimate(step.fit, name) for step in columns)) for name in names]
     for i, phi in enumerate(last.fit.level_phi):
         words = ", stiffness of the ground under a leg" if i == 0 else ""
-        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *(_stiffness(step.fit, i) for step in backwards)))
-    order = " The last step comes first; each column is headed by what its step adds." if len(steps) > 1 else ""
+        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *(_stiffness(step.fit, i) for step in columns)))
+    shown = steps[-1:] if ladder else steps[1:]
+    order = " The last step comes first; each column is headed by what its step adds." if ladder and steps[1:] else ""
     nuisance_note = "" if last.fit.nuisances is None else f" {NUISANCE_NOTE.format(last.label)}"
     table = Table(
         f"Fitted value ± standard error, {NO_ERROR}; – where the model does not have the "
         f"parameter.{order}{nuisance_note}",
-        ("parameter", "unit", *_added(steps)[::-1]),
+        ("parameter", "unit", *heads),
         rows,
         (True, True, *(False for _ in steps)),
     )
-    return Section("parameters", "Parameters", tables=(table, *_correlations(last), *_formulas(last.fit)))
+    return Section("parameters", "Parameters", tables=(table, *chain(*map(_correlations, shown)), *_formulas(shown)))
 
 
 def _added(steps: tuple[Step, ...]) -> list[str]:
@@ -124,10 +127,14 @@ def _correlation(value: float) -> str:
     return text.number(value, 2) if np.isfinite(value) else "–"
 
 
-def _formulas(fit: Fit) -> list[Table]:
-    """Formulas of a fit's effects; no table without effects."""
-    rows = [(readable(effect.identifier), effect.stage, _formula(effect)) for effect in fit.model.effects]
-    caption = "What the effects change: → in the chain from clock to speed, with the parameters above."
+def _formulas(steps: Sequence[Step]) -> list[Table]:
+    """Formulas of the steps' effects; no table without effects."""
+    effects = {effect.identifier: effect for step in steps for effect in step.fit.model.effects}
+    rows = [(readable(name), effect.stage, _formula(effect)) for name, effect in effects.items()]
+    caption = (
+        "What the effects change: → in the chain from clock to speed, with the parameters above. Seen in: "
+        f"{OBSERVABLES}."
+    )
     return [Table(caption, ("effect", "acts on", "formula, and where it is seen"), rows, (True,) * 3)] if rows else []
 
 
@@ -180,10 +187,12 @@ def _proposed(discovery: Discovery) -> list[Table]:
     return [table]
 
 
-def failing(steps: tuple[Step, ...]) -> Section:
-    """Tables of the cell means that each step misses."""
+def failing(steps: tuple[Step, ...]) -> list[Section]:
+    """Tables of the cell means that each step misses; none where no step can be tested."""
     tables = []
     for i, step in enumerate(steps):
+        if not np.isfinite(step.fit.lack_of_fit_p):
+            continue
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
         rows = [
             (
@@ -196,7 +205,7 @@ def failing(steps: tuple[Step, ...]) -> Section:
         caption = f"{step.label}: {text.counted(len(fails), 'failing cell')}{more}. Residual: measured minus model."
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
-    return Section("failing", "Failing cells", tables=tuple(tables))
+    return [Section("failing", "Failing cells", tables=tuple(tables))] if tables else []
 
 
 def video(frames: Frames) -> list[Section]:

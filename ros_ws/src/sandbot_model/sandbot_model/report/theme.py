@@ -103,6 +103,7 @@ def axis(theme: Theme, title: str = "", **more: Any) -> Spec:
         "tickcolor": theme.faint,
         "gridcolor": theme.grid,
         "zeroline": False,
+        "exponentformat": "none",
         **more,
     }
 

@@ -3,8 +3,10 @@
 Everything is SI, and unknown values are NaN or absent; figures and pages convert to cm and cm/s.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +157,11 @@ def walks(cells: Cells) -> NDArray[np.bool_]:
     least_lift = np.maximum(regime.WALKING_LIFT_M, SIGNIFICANT_SEM * sem[:, Observable.lift])
     fast = (mean - SIGNIFICANT_SEM * sem)[:, Observable.speed] > regime.WALKING_SPEED_M_S
     return regime.walks(mean, least_lift) | (regime.walks(mean) & fast)
+
+
+def is_ladder(steps: Sequence[Step]) -> bool:
+    """Whether each step adds effects to the one before; otherwise they are rivals, or steps chosen by hand."""
+    return all(set(before.fit.effects) <= set(step.fit.effects) for before, step in pairwise(steps))
 
 
 def residual_z(fit: Fit, observable: str) -> Floats:

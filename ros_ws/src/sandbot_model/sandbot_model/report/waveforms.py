@@ -43,6 +43,9 @@ class Waveform:
     leg_rate_rad_s: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad/s"})
 
 
+NEEDS_BAGS = "v_x(t) and film need a campaign folder or bags"
+
+
 def files_of(bag: Path) -> dict[str, Path]:
     """The recording's files, by name."""
     inside = [bag] if bag.is_file() else sorted(bag.iterdir())
@@ -57,7 +60,7 @@ def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dty
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
     """Waveforms of the trials, and one line of explanation for each trial without."""
     if not bags:
-        return [], ["These trials come from a table, not from bags: v_x(t) and video can't be shown."]
+        return [], [f"These trials come from a table: {NEEDS_BAGS}."]
     found, missing = [], []
     for trial_id in trial_ids:
         if trial_id not in bags:

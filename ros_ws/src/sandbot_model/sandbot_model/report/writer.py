@@ -4,12 +4,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import atlas_section, page, supplement
 from sandbot_model.report.content import comparison_page, discovery_page
 from sandbot_model.report.curves import steps
+from sandbot_model.report.in_words import steps_shown
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.table_sections import Frames
 from sandbot_record.trials.table import Trials
@@ -31,7 +32,7 @@ def write_report(
     listed with the reason. ``command`` is the command line as typed.
     """
     of_steps = partial(discovery_page, discovery, trials=trials, title=title, frames=frames)
-    page.write(path, _page(of_steps, discovery.steps, trials, data, command, discovery.criteria))
+    page.write(path, _page(of_steps, steps_shown(discovery), trials, data, command, discovery.criteria))
 
 
 def write_comparison(
@@ -58,7 +59,7 @@ def _page(
     trials: Trials,
     data: Sequence[Path],
     command: str,
-    criteria: Criteria = DEFAULT,
+    criteria: Criteria | None = None,
 ) -> page.Page:
     """The page that ``of_steps`` makes of fits, where their trials come from, and what pages of all fits have."""
     bags, shown, cells = bags_of(data), steps(fits), fits[0].cells

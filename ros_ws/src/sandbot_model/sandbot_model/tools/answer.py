@@ -1,30 +1,36 @@
 """What ``compare`` and ``discover`` print first: the answer, the error before and after, and why."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import leaves_nothing, only_with
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
-from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, to_error
+from sandbot_model.fitting.text import counted, to_error
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.variants import Variant
 from sandbot_model.report.effect_facts import words
+from sandbot_model.report.in_words import condition, estimates
 
 _STYLES = {"adequate": "good", "identified": "good", "untested": "bad"}
 
 
-def of_discovery(found: Discovery) -> str:
-    """Status and class, each effect in plain words, error before → after → floor, its parameters; then why."""
+def of_discovery(found: Discovery, robot: Robot | None = SANDBOT) -> str:
+    """Status and class, each effect in plain words, error before → after → floor, its parameters; then why.
+
+    ``robot`` is the one that the data or an option names; None: SandBot is assumed.
+    """
     verdict = found.verdict
     ambiguous = f"ambiguous: one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
     head = f"verdict: {ambiguous if verdict.status == 'ambiguous' else found.headline}"
+    head += f", {only_if}" if (only_if := condition(found, robot)) else ""
     lines = [styled(filled(head), _STYLES.get(verdict.status, "open"))]
     named = verdict.effects if verdict.status != "ambiguous" else ()
-    lines += [filled(line, "  ") for name in named for line in _in_words(name, found.fit)]
+    lines += [filled(line, "  ") for name in named for line in _effect(name, found.fit)]
     others = dict.fromkeys(name for names in verdict.alternatives for name in names if name not in named)
     lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in others]
     lines.append(filled(errors(found.steps), "  "))
@@ -54,7 +60,7 @@ def of_comparison(steps: Sequence[Fit]) -> str:
     fits = leaves_nothing(last)
     judgement = _explains(last) if fits else _fails(last)
     head = styled(filled(f"{last.name} {judgement}"), "good" if fits and not only_with(last) else "open")
-    named = [line for name in last.effects for line in _in_words(name, last)]
+    named = [line for name in last.effects for line in _effect(name, last)]
     return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
 
 
@@ -69,6 +75,14 @@ def _explains(fit: Fit) -> str:
 def _fails(fit: Fit) -> str:
     missed = cells_missed(fit.fails)
     return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
+
+
+def _effect(name: str, fit: Fit) -> list[str]:
+    """An effect by its name, in plain words, then its fitted parameters."""
+    effect = fit.model.catalogue[name]
+    none = f"no parameter is fitted: every name in {effect.formula} is a quantity of the model or the robot"
+    fitted = [f"{p.name} = {value}, {p.doc}{remark}" for p, value, remark in estimates(name, fit)]
+    return [f"{name}: {words(effect)}", *(fitted if effect.parameters else [none])]
 
 
 def _command_for(fit: Fit) -> list[str]:
@@ -99,19 +113,3 @@ def errors(steps: Sequence[Fit]) -> str:
     scatter = "error bars of" if cells.error_bars else "replicates scatter by"
     parts += [f"{scatter} {to_error(CM * floor, stderr)} cm/s"] if scattered else []
     return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates is known"
-
-
-def _in_words(name: str, fit: Fit) -> Iterator[str]:
-    """What an effect does, then its fitted parameters."""
-    effect = fit.model.catalogue[name]
-    yield f"{name}: {words(effect)}"
-    if not effect.parameters:
-        yield f"no parameter is fitted: every name in {effect.formula} is a quantity of the model or the robot"
-    unit_and_doc: Mapping[str, str] = {
-        p.name: f"{'' if p.unit == '1' else f' {p.unit}'}, {p.doc}" for p in effect.parameters
-    }
-    for full, estimate in fit.parameters.items():
-        owner, _, parameter = full.rpartition(".")
-        value = fit.value_text(*estimate)
-        if owner == name and value != UNDETERMINED:
-            yield f"{parameter} = {value}{unit_and_doc[parameter]}{'' if fit.errors_hold else f'; {NO_ERROR}'}"

@@ -95,13 +95,13 @@ def add_setting(parser: Parser) -> None:
         "--robot",
         type=Path,
         metavar="FILE.yaml",
-        help="the robot, as in robot.yaml (default: the bags' own, else SandBot)",
+        help="the robot, as in robot.yaml (default: the data's own, else SandBot)",
     )
     parser.add_argument(
         "--cameras",
         type=Path,
         metavar="FILE.yaml",
-        help=f"the cameras' frame rate and accuracy (default: the bags' own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
+        help=f"the cameras' frame rate and accuracy (default: the data's own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
     )
 
 
@@ -141,10 +141,15 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
 
     Raises InputError.
     """
+    from sandbot_record.trials.from_bags import robot_file
+
     found = _read(args, args.data)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
-    return found, "robot: as in the bags" if found.robot else f"{NO_ROBOT} (--robot FILE.yaml names another)"
+    if found.robot is None:
+        return found, f"{NO_ROBOT} (--robot FILE.yaml names another)"
+    beside = dict.fromkeys(str(file) for path in args.data if (file := robot_file(path)) is not None)
+    return found, f"robot: {', '.join(beside) or 'as in the bags'}"
 
 
 def ladder(args: argparse.Namespace) -> "tuple[Trials, str, Comparison]":
@@ -221,7 +226,7 @@ def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]"
                 raise InputError(
                     f"{where}: {name}: {given}, but the first steps in DATA were read with {read}; use that here, too"
                 )
-        line += f" in place of the bags' own ({difference(robot, own)})"
+        line += f" in place of the data's own ({difference(robot, own)})"
     return replace(trials, robot=robot), line
 
 

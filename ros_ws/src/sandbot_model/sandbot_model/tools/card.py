@@ -7,7 +7,7 @@ from sandbot_model.discovery.fingerprint import OMEGA_RAD_S, PHI, Fingerprint, f
 from sandbot_model.fitting.text import table
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import plain
-from sandbot_model.report.effect_facts import ABSORBED, DESIGN, range_of, showing, shown_in, words
+from sandbot_model.report.effect_facts import ABSORBED, DESIGN, OBSERVABLES, range_of, showing, shown_in, words
 
 
 def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
@@ -16,7 +16,7 @@ def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
         ("stage", effect.stage),
         ("formula", plain(effect.formula)),
         *(("range", range_of(parameter)) for parameter in effect.parameters),
-        ("seen in", f"{plain(effect.seen_in)} (v speed, L lift, W waveform, T torque, P pitch)"),
+        ("seen in", f"{plain(effect.seen_in)} ({OBSERVABLES})"),
         *([("control", effect.control)] if effect.control else []),
         ("source", effect.source),
     ]

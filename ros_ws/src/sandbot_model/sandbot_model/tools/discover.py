@@ -89,7 +89,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
             fit_all=fit_all, progress=progress,
         )  # fmt: skip
         rates = _rates(args, found, trials, effects, fit_all, progress) if args.calibrate else []
-    print(answer.of_discovery(found), end="\n\n")
+    print(answer.of_discovery(found, trials.robot), end="\n\n")
     print(filled(tables.data_line(found.steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
     print(_tables(found, args.verbose))

@@ -325,6 +325,8 @@ def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
             raise InputError(f"{path}: not a bag: its metadata.yaml names no storage file")
         return path, files, info
     if not found:
+        if (path / "trials").is_dir():
+            raise InputError(f"{path}: not a bag but a campaign folder: its bags are in {path / 'trials'}")
         raise InputError(f"{path}: not a bag: no metadata.yaml and no .mcap or .db3 file in it")
     if not _of_one_bag(found):
         raise InputError(

@@ -9,6 +9,7 @@ import numpy as np
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.files import check_output, writing
+from sandbot_common.terminal import counted
 from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import to_csv, write_csv
@@ -50,7 +51,9 @@ def _table(argv: Sequence[str]) -> int:
     if out is None:
         print(to_csv(rows), end="")
     else:
-        print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
+        print(
+            f"{out}: {counted(len(rows), 'trial')}, {rows.excluded} not usable, {counted(len(skipped), 'bag')} skipped"
+        )
     # Not mixed with the table on standard output, which may be redirected to a file.
     stream = sys.stderr if out is None else sys.stdout
     for line in rows.unread:

@@ -15,7 +15,7 @@ from sandbot_common import files, topics
 from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
-from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.robot import FILE, SANDBOT, Robot
 from sandbot_common.typed import number_or_nan
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
@@ -149,7 +149,7 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
     bags = bags_in(folder)
     if not bags:
         if (folder / TRIALS_CSV).is_file():
-            return Report(read_csv(folder / TRIALS_CSV), {}, {}, 0)
+            return Report(table_of(folder / TRIALS_CSV), {}, {}, 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
     recorded = of_campaign(folder)
     cache = Cache.read(folder)
@@ -185,6 +185,28 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
     unread = (*(own.unread if own else ()), *_edits(rows, [row for row, _ in measured.values()]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
     return Report(table, by_id, failed, len(bags) - len(todo), edited)
+
+
+def table_of(path: Path) -> Trials:
+    """The trials of a CSV. One beside a campaign's trials.csv has the robot and cameras of that campaign's robot.yaml
+    and cameras.yaml, as its folder has. Raises InputError."""
+    table = read_csv(path)
+    if not _is_of_campaign(path):
+        return table
+    setting = of_campaign(path.parent)
+    return replace(table, robot=setting.robot, frame_rate_hz=setting.frame_rate_hz, accuracy=setting.accuracy)
+
+
+def robot_file(data: Path) -> Path | None:
+    """The robot.yaml from which a table of trials, or a folder with nothing but that, has its robot; None: there is
+    none, or ``data`` are bags, which have their own."""
+    path = data / TRIALS_CSV if data.is_dir() and not bags_in(data) else data
+    found = path.parent / FILE
+    return found if path.is_file() and not reader.is_bag(path) and _is_of_campaign(path) and found.is_file() else None
+
+
+def _is_of_campaign(path: Path) -> bool:
+    return (path.parent / TRIALS_CSV).is_file()
 
 
 def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Report:

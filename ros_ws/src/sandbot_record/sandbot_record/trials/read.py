@@ -8,8 +8,8 @@ from pathlib import Path
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.copies import also_in, digits, mark_copies, measured
-from sandbot_record.trials.csv_table import NAMELESS, read_csv
-from sandbot_record.trials.from_bags import campaign, trial_from_bag
+from sandbot_record.trials.csv_table import NAMELESS
+from sandbot_record.trials.from_bags import campaign, table_of, trial_from_bag
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import Row, Trials, check_ids, check_usable, from_rows
@@ -144,7 +144,7 @@ def _read_one(path: Path) -> Trials:
         raise InputError(f"{path}: no such file or folder")
     # A pipe, as in <(grep -v wet trials.csv), can only be a table.
     if path.is_fifo() or (path.is_file() and not is_bag(path)):
-        return read_csv(path)
+        return table_of(path)
     if is_bag(path):
         return trial_from_bag(path)
     return campaign(path).trials

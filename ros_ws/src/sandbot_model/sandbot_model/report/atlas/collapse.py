@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material, nearest
 from sandbot_model.report.atlas.style import ABOVE, ACCENT, FAINT, INK, MARKERS, key, phi_colours, sheet
-from sandbot_model.report.mechanics import collapse, modelled_collapse
+from sandbot_model.report.mechanics import collapse, largest_at_measured, modelled_collapse
 from sandbot_model.report.view import bands, frequencies
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
     left.plot(phi, omega_c, color=ACCENT, label="model")
     right.plot(phis, CM * seen.peak_speed_m_s, "o", color=INK, markersize=3.5, label="measured")
     right.plot(phi, CM * best, color=ACCENT, label="model")
+    at_measured = CM * largest_at_measured(material.fit)
+    right.plot(phis, at_measured, "o", color=ACCENT, mfc="none", markersize=5, label="model at the ω measured")
     for panel, name in ((left, "critical frequency ω$_c$ (rad/s)"), (right, "largest mean speed (cm/s)")):
         panel.set_xlabel("volume fraction φ")
         panel.set_ylabel(name)
@@ -38,7 +40,8 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
         key(panel, "", columns=3, **ABOVE)
     return figure, (
         "The end of walking: bars span from the last leg frequency that walks to the first that swims (left); the "
-        f"largest mean speed over ω (right). From φ {phis[0]:.3f} to {phis[-1]:.3f} the largest speed goes from "
+        "largest mean speed (right), modelled over all ω (line) and over the measured ω (circles). "
+        f"From φ {phis[0]:.3f} to {phis[-1]:.3f} the largest speed goes from "
         f"{CM * seen.peak_speed_m_s[0]:.1f} to {CM * seen.peak_speed_m_s[-1]:.1f} cm/s."
     )
 

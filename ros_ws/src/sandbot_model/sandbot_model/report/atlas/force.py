@@ -36,7 +36,7 @@ def force(material: Material, width_mm: float) -> "tuple[Figure, str]":
     return figure, (
         f"Force the ground gives (colours, one per φ{ends}) and force needed (black, one per leg frequency, "
         f"{_range(material)}) against depth, from the fit; a leg holds where they first cross (dots). "
-        f"{_depths(material, found)}"
+        f"{_depths(material, found)}{_falls(material, found)}"
     )
 
 
@@ -82,12 +82,31 @@ def _families(panel: "Axes", material: Material, found: list[Forces], unit_n: fl
     shown = depth >= _shown_from_m(material, found)
     panel.set_xlim(CM * depth[shown][0], CM * depth[-1])
     given = np.concatenate([at.given_n[:, shown] for at in (found[0], found[-1])])
-    low = min(float(given.min()), *(float(at.needed_n[-1, shown].min()) for at in found))
-    high = max(float(given.max()), *(float(at.needed_n[-1, shown].max()) for at in found))
+    met = np.concatenate([_needed_where_met(at) for at in found])
+    low, high = min(float(given.min()), float(met.min())), max(float(given.max()), float(met.max()))
     panel.set_ylim(0.95 * low / unit_n, HEADROOM * high / unit_n)
-    _name_lines(panel, omegas, [float(at.needed_n[-1, shown][0]) / unit_n for at in found])
+    _name_lines(panel, omegas, np.array([at.needed_n[-1, shown][[0, -1]] for at in found]) / unit_n)
     key(panel, "φ", columns=4, **ABOVE)
     return "" if one else f"; at {omegas[0]:g} rad/s solid, at {omegas[-1]:g} dashed"
+
+
+def _needed_where_met(at: Forces) -> Floats:
+    """The force needed from the depth at which a leg first holds, or at the greatest if none does: above that depth it
+    may be far beyond all that the ground gives."""
+    first = float(np.nanmin(at.holds_m)) if np.isfinite(at.holds_m).any() else np.inf
+    needed: Floats = at.needed_n[-1, at.depth_m >= min(first, float(at.depth_m[-1]))]
+    return needed
+
+
+def _falls(material: Material, found: list[Forces]) -> str:
+    """The depth at which the force needed falls as the slow phase begins, in words; empty if it does not."""
+    depth, needed = found[-1].depth_m, found[-1].needed_n[-1]
+    clock = material.cells.clock
+    begins = np.unique(material.fit.model.walker.slow_begin_m(clock)[~clock.one_rate])
+    before, after = (np.clip(np.searchsorted(depth, begins) + by, 0, len(depth) - 1) for by in (-2, 1))
+    falls = begins[needed[before] - needed[after] > JUMP * needed.mean()]
+    where = " and ".join(f"{CM * at_m:.2f}" for at_m in falls if at_m > _shown_from_m(material, found))
+    return f" The force needed falls (dotted) at {where} cm, where the slow phase begins." if where else ""
 
 
 def _critical_m(material: Material) -> float:
@@ -115,18 +134,26 @@ def _depths(material: Material, found: list[Forces]) -> str:
     )
 
 
-def _name_lines(panel: "Axes", omegas: Floats, heights: list[float]) -> None:
-    """Label lines with ω at their left ends, fastest first; a line too close to a labelled one gets no label."""
+def _name_lines(panel: "Axes", omegas: Floats, ends: Floats) -> None:
+    """Label lines with ω at their left or right ``ends``, (n, 2), wherever more are apart and within the panel."""
     low, high = panel.get_ylim()
-    last = high
-    for omega, height in sorted(zip(omegas, heights, strict=True), reverse=True):
-        if last - height < MIN_LABEL_GAP * (high - low):
-            continue
-        last = height
+    left, right = (_apart(ends[:, side], low, high) for side in (0, 1))
+    x, align, named, side = (0.02, "left", left, 0) if len(left) >= len(right) else (0.98, "right", right, 1)
+    for i in named:
         panel.annotate(
-            f"ω {omega:g}", (0.02, height), xycoords=("axes fraction", "data"), va="center", fontsize=5.5, color=INK,
-            bbox={"color": "white", "pad": 0.4},
+            f"ω {omegas[i]:g}", (x, ends[i, side]), xycoords=("axes fraction", "data"), va="center", ha=align,
+            fontsize=5.5, color=INK, bbox={"color": "white", "pad": 0.4},
         )  # fmt: skip
+
+
+def _apart(heights: Floats, low: float, high: float) -> list[int]:
+    """The lines to label, fastest first: those within the panel that are not too close to a labelled one."""
+    found: list[int] = []
+    for i in reversed(range(len(heights))):
+        above = heights[found[-1]] if found else high
+        if heights[i] > low and above - heights[i] >= MIN_LABEL_GAP * (high - low):
+            found.append(i)
+    return found
 
 
 def _range(material: Material) -> str:
