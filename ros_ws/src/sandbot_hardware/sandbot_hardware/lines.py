@@ -5,7 +5,8 @@ r"""The wire format, in both directions: lines of ASCII with a checksum, some fo
 ``kind`` is one capital letter, values are decimal numbers, the checksum is the exclusive or of all bytes before the
 ``*`` in two hexadecimal digits. A line with a wrong checksum is dropped and counted; the next one comes soon.
 
-    host to legs     S t_us angle... rate...          set-point for the host's time [us, CLOCK_MONOTONIC]: angles (rad), rates (rad/s)
+    host to legs     S t_us angle... rate...          set-point for the host's time [us]: angles (rad), rates (rad/s)
+                                                      (CLOCK_MONOTONIC, which is never set)
     legs to host     L t_us angle... rate... effort.. where the legs are (rad, rad/s, N m) at the device's time [us]
                      E t_us                           the sync LED went on
     host to bed      B level                          blower, 0 to 1
