@@ -7,7 +7,7 @@ import bags
 import pytest
 
 from sandbot_bringup import folder as folders
-from sandbot_bringup.batch import seal
+from sandbot_bringup.batch import Setup, run_trial, seal
 from sandbot_bringup.config import files_of
 from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
@@ -15,6 +15,7 @@ from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.errors import InputError
 from sandbot_lab.world import null_world
+from sandbot_record.bags.writer import BagWriter
 from sandbot_record.trials import from_bags
 
 PLAN = Plan(name="tiny", phi=(0.6, 0.62), omega_rad_s=(8.0, 16.0), replicates=2)
@@ -297,3 +298,22 @@ def test_a_budget_of_nothing_is_not_the_whole_grid(given):
     plan = dataclasses.replace(PLAN, until="verdict", budget=0)
     with pytest.raises(InputError, match=f"--budget {given}: 1 or more trials are needed; leave it out"):
         campaign._until(plan, campaign._parser().parse_args(["--budget", given]))
+
+
+def test_a_campaign_whose_folder_was_renamed_makes_no_new_one(tmp_path):
+    """It wrote on into a folder of the old name, without plan and seal."""
+    folder = CampaignFolder(tmp_path / "run")
+    folder.adopt(PLAN, {})
+    trial = trials_of(PLAN)[0]
+    folder.path.rename(tmp_path / "monday")
+    with pytest.raises(InputError, match=r"run: can't be written: its campaign.yaml is gone; was the folder renamed"):
+        run_trial(Setup(PLAN, null_world(), folder, {}), trial, 0)
+    with pytest.raises(FileNotFoundError):  # a moment later
+        BagWriter(folder.bag(trial))
+    assert not folder.path.exists()
+    # Control: it is there, and its first bag makes trials/.
+    back = CampaignFolder(tmp_path / "monday")
+    back.check_there()
+    with BagWriter(back.bag(trial)):
+        pass
+    assert back.bag(trial).is_dir()
