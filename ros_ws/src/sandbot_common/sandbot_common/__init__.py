@@ -18,6 +18,7 @@ crew        parallel work: on worker processes, or
 process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host;
             dead_ports: those of killed nodes, which a new one should not take
 host_clock  the wall clock, and by how much it was set
+shared_memory  whether the host has enough for its nodes
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
