@@ -317,3 +317,18 @@ def test_a_campaign_whose_folder_was_renamed_makes_no_new_one(tmp_path):
     with BagWriter(back.bag(trial)):
         pass
     assert back.bag(trial).is_dir()
+
+
+@pytest.mark.parametrize(("is_batch", "said"), [(True, "run --batch; "), (False, "run; ")])
+def test_who_interrupts_a_campaign_is_told_how_to_go_on(tmp_path, capsys, is_batch, said):
+    def interrupted(folder):
+        with pytest.raises(KeyboardInterrupt), campaign._interruptible(folder):
+            raise KeyboardInterrupt
+        return capsys.readouterr().out
+
+    folder = CampaignFolder(tmp_path / "run")
+    assert interrupted(folder) == ""  # nothing has begun
+    folder.adopt(PLAN, {})
+    if is_batch:
+        seal(folder, null_world())
+    assert interrupted(folder).startswith(f"to go on: campaign {tmp_path / said}")

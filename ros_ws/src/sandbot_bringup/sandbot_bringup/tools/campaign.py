@@ -61,21 +61,34 @@ def command(argv: Sequence[str]) -> int:
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:
         redo()  # reads the bags before any node waits for us; the later call, in the locked folder, reads only new ones
-    if world is not None:
-        trials, failures = _batch(plan, folder, files, world, options, redo)
-        for trial_id, reason in failures.items():
-            print(f"{trial_id}: failed: {reason}")
-    else:
-        # Imported here, as the live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.nodes.live_node import run_live
+    with _interruptible(folder):
+        if world is not None:
+            trials, failures = _batch(plan, folder, files, world, options, redo)
+            for trial_id, reason in failures.items():
+                print(f"{trial_id}: failed: {reason}")
+        else:
+            # Imported here, as the live runner starts ROS; batch and dry runs must not.
+            from sandbot_bringup.nodes.live_node import run_live
 
-        silence_s = SILENCE_S if options.silence is None else options.silence
-        queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
-        # Its plan may have grown.
-        trials, failures = trials_of(queue.plan), queue.failed
-        if failures:  # the reasons were printed as they came
-            print(filled(f"failed: {', '.join(failures)}"))
+            silence_s = SILENCE_S if options.silence is None else options.silence
+            queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
+            # Its plan may have grown.
+            trials, failures = trials_of(queue.plan), queue.failed
+            if failures:  # the reasons were printed as they came
+                print(filled(f"failed: {', '.join(failures)}"))
     return _finish(folder, trials, failures)
+
+
+@contextmanager
+def _interruptible(folder: CampaignFolder) -> Iterator[None]:
+    """Say how to go on after Ctrl-C, if there is anything to go on with."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if folder.plan_file.exists():
+            batch = " --batch" if folder.truth.exists() else ""
+            print(f"to go on: campaign {folder.path}{batch}; the table so far: table {folder.path}", flush=True)
+        raise
 
 
 def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
