@@ -240,6 +240,7 @@ def test_stop_ends_a_walk_and_holds_the_campaign(page, witness, campaign):
     print(f"STOP from the page: legs at rest after {legs_s:.3f} s")
     assert 0 < legs_s <= BUSY_S
     page.until(lambda: "HELD: stopped by the operator" in page.text("campaign-state"))
+    page.until(lambda: page.text("safety").startswith("campaign HELD until Go: "))
     assert page.row(FIRST) == "waiting"
     stays_held(witness)
 

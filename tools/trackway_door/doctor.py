@@ -16,6 +16,7 @@ from pathlib import Path
 from ros2cli_fallback.main import real_ros2
 from sandbot_common import cli
 from sandbot_common.terminal import styled
+from trackway_door.version import version
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED_MEMORY = Path("/dev/shm")
@@ -66,6 +67,7 @@ def tell(findings: Iterable[Finding]) -> int:
 
 def checks(args: argparse.Namespace) -> Iterator[Finding]:
     """All of them, the quick ones first."""
+    yield Finding("ok", "trackway", version())
     yield python()
     yield wheels(ROOT / "requirements.lock", _installed())
     yield workspace(ROOT / "ros_ws")

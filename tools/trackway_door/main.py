@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import distribution
 from pathlib import Path
+from threading import Thread
 
 from ros2cli_fallback.cover import Failure
 from ros2cli_fallback.packages import executable
@@ -14,6 +15,7 @@ from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean
 from trackway_door.verbs import VERBS, then, usage
+from trackway_door.version import version
 
 TOOLS = Path(__file__).resolve().parents[1]
 PACKAGES = (
@@ -38,6 +40,11 @@ def _main(argv: Sequence[str]) -> int:
         print(usage(sorted(others)))
         return 0
     name, *arguments = argv
+    if name in ("--version", "-V", "version"):
+        print(f"trackway {version()}")
+        return 0
+    if name == "help":
+        return _main([*arguments[:1], "--help"])
     if name == "doctor":
         from trackway_door import doctor
 
@@ -89,7 +96,8 @@ def _demo(arguments: Sequence[str]) -> tuple[str, str]:
 
 
 def _run(words: Sequence[str], *, ours: bool) -> int:
-    """The exit code of a process to which the terminal's Ctrl-C goes as well; this one waits for its end.
+    """The exit code of a process to which the terminal's Ctrl-C goes as well; this one waits for its end, and hands on
+    signals that it alone was sent.
 
     Ctrl-C stays blocked in our own executables until they can answer it (``cli.run``).
     """
@@ -101,7 +109,15 @@ def _run(words: Sequence[str], *, ours: bool) -> int:
         with subprocess.Popen(words, preexec_fn=free, close_fds=False) as process:
             for number in (signal.SIGTERM, signal.SIGHUP):
                 signal.signal(number, lambda sent, _frame: process.send_signal(sent))
+            Thread(target=_hand_on, args=(process,), daemon=True).start()
             code = process.wait()
     except OSError as error:
         raise InputError(f"{shlex.join(words)}: {error.strerror}") from None
     return code if code >= 0 else 128 - code
+
+
+def _hand_on(process: "subprocess.Popen[bytes]") -> None:
+    """Send the process each interrupt that a process sent; those of the terminal, from the kernel, reach both."""
+    while True:
+        if signal.sigwaitinfo({signal.SIGINT}).si_code <= 0:
+            process.send_signal(signal.SIGINT)

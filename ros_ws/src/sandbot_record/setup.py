@@ -21,6 +21,7 @@ setup(
         "lz4",
         "zstandard",
         "opencv-python-headless",
+        "av",
     ],
     extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
     zip_safe=True,

@@ -33,7 +33,7 @@ from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.table import Row, from_rows
 from sandbot_tracking.calibration import cameras_from_mapping
-from sandbot_tracking.live import View
+from sandbot_tracking.live import LiveView
 from sandbot_tracking.offline import OfflineTracker
 
 pytestmark = pytest.mark.slow  # together seconds
@@ -178,7 +178,7 @@ def frames():
 def tracked(content):
     """What the tracking makes of those frames: when they were, where everything is, how well the LED ties clocks."""
     cameras = cameras_from_mapping(content, "cameras.yaml")
-    views = {name: View(camera) for name, camera in cameras.items()}
+    views = {name: LiveView(camera) for name, camera in cameras.items()}
     tracker = OfflineTracker(cameras)
     clocks = []
     for n, (above, beside) in enumerate(zip(*frames().values(), strict=True)):

@@ -14,6 +14,7 @@ from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.errors import InputError
+from sandbot_common.parameters import specs
 from sandbot_lab.world import null_world
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.trials import from_bags
@@ -295,9 +296,16 @@ def test_a_budget_of_the_command_line_is_taken(words, budget):
 
 @pytest.mark.parametrize("given", ["0", "-1"])
 def test_a_budget_of_nothing_is_not_the_whole_grid(given):
-    plan = dataclasses.replace(PLAN, until="verdict", budget=0)
     with pytest.raises(InputError, match=f"--budget {given}: 1 or more trials are needed; leave it out"):
-        campaign._until(plan, campaign._parser().parse_args(["--budget", given]))
+        campaign.command(["plan.yaml", "--until", "verdict", "--budget", given])
+
+
+@pytest.mark.parametrize("key", ["alpha", "model", "bed_scatter", "bed_drift"])
+def test_an_option_of_the_verdict_says_what_its_key_of_a_plan_does(key):
+    action = {one.dest: one for one in campaign._parser()._actions}[key]
+    spec = {one.name: one for one in specs(Plan)}[key]
+    assert (action.type, action.default) == (spec.type, None)
+    assert action.help == f"{spec.doc} (--until; default: {getattr(PLAN, key)})"
 
 
 def test_a_campaign_whose_folder_was_renamed_makes_no_new_one(tmp_path):

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sandbot_bringup.marks import COLOURS, PATIENCE_NS, SEEN_BY, View
+from sandbot_bringup.marks import COLOURS, PATIENCE_NS, SEEN_BY, MarkedView
 from sandbot_bringup.node_table import table_path
 from sandbot_tracking.calibration import read_cameras
 
@@ -13,7 +13,7 @@ STEP_NS = 10_000_000
 
 
 def view(camera):
-    return View(CAMERAS[camera], SEEN_BY[camera])
+    return MarkedView(CAMERAS[camera], SEEN_BY[camera])
 
 
 def seen_at(drawn, name):

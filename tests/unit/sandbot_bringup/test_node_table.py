@@ -62,7 +62,7 @@ def test_arguments_are_put_into_parameters_with_their_type(tmp_path):
     assert node.parameters == {"seed": 7, "world": "w.yaml", "label": "plain"}
     (node,) = node_table.selected(made, {"seed": "8", "world": "9"})
     assert node.parameters == {"seed": 8, "world": "9", "label": "plain"}
-    with pytest.raises(InputError, match=r"launch argument seed: '1\.5' is not of type int"):
+    with pytest.raises(InputError, match=r"launch argument seed: '1\.5' is not a whole number"):
         node_table.selected(made, {"seed": "1.5"})
 
 

@@ -71,6 +71,19 @@ def test_what_the_page_starts_is_leased_until_it_is_over_or_nobody_looks_on(grap
     assert not graph.offered
 
 
+def test_two_pages_ask_at_once(graph, monkeypatch):
+    """The first answer, and the time to settle after it, do not end the lease of the other."""
+    monkeypatch.setattr(page_lease_node, "SETTLE_S", 0.0)
+    graph.goes_on = False
+    with graph.lease.taken():
+        with graph.lease.taken():
+            pass
+        graph.turn()
+        assert graph.offered
+    graph.turn()
+    assert not graph.offered
+
+
 def test_a_campaign_that_commands_is_not_made_one_of_two(graph):
     graph.commanders = 1
     with graph.lease.taken():

@@ -1,10 +1,16 @@
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, pace_fault
+from sandbot_common.config import config_file
+from sandbot_common.health import ending, has_ended
 from sandbot_common.lease import Lease
+from sandbot_tracking.calibration import read_cameras
+from sandbot_tracking.live import LiveTracker
 
+CAMERAS = read_cameras(config_file("cameras.yaml"))
 CLOCK, TRACKER = Sign("clock", "/leg_setpoints", 0.5), Sign("tracker", "/speed", 2.0)
 
 
@@ -127,6 +133,54 @@ def test_cameras_whose_clocks_the_led_has_told_must_be_in_step():
     assert pace_fault(before, after | {"lost_frames": "102", "dorsal_clock": "as stamped"}) == ""
     said = pace_fault(before, after | known | {"lost_frames": "52"})
     assert said.startswith("the cameras are out of step, 50 views without a partner for 50 dorsal frames: restart")
+
+
+class Filming:
+    """A tracker whose two cameras, of 100 frames a second, film noise and the LED."""
+
+    def __init__(self, period_ms=10):
+        self.live = LiveTracker(CAMERAS)
+        self.rng, self.t_ns, self.period_ns = np.random.default_rng(1), 0, period_ms * 1_000_000
+
+    def run(self, lit):
+        """Its own figures, as they arrive, after a frame for each of ``lit``: whether the LED is on."""
+        for on in lit:
+            self.t_ns += self.period_ns
+            for name, view in self.live.views.items():
+                x, y, width, height = CAMERAS[name].led_region
+                pixels = self.rng.integers(0, 3, view.shape, np.uint8)
+                pixels[y : y + height, x : x + width] += 200 * on
+                view.look(self.t_ns, self.t_ns, self.t_ns, pixels)
+        return {name: str(value) for name, value in self.live.figures.items()}
+
+    def flash(self):
+        """A trial starts; every camera sees it."""
+        for view in self.live.views.values():
+            view.led(self.t_ns + self.period_ns)
+        return self.run([True] * 5 + [False] * 25)
+
+
+def test_what_the_tracker_says_of_itself_is_what_is_checked():
+    filming = Filming()
+    before, after = filming.run([False] * 30), filming.flash()
+    assert pace_fault(before, after) == camera_fault(before, after) == ""
+    again = filming.flash()
+    assert pace_fault(after, again) == camera_fault(after, again) == ""
+    unseen = filming.run([False] * 30)
+    assert camera_fault(again, unseen) == "the dorsal camera did not see the LED, so its clock is uncertain"
+    assert pace_fault(unseen, unseen) == "the dorsal camera sends no new frames"
+    filming.live.lost_frames += 25
+    assert "out of step, 25 views without a partner for 30" in pace_fault(unseen, filming.run([False] * 30))
+    for view in filming.live.views.values():
+        view.clock.jumps += 1
+    assert "clock disagrees" in camera_fault(unseen, filming.run([]))
+    slow = Filming(period_ms=20).run([False] * 30)
+    assert pace_fault({}, slow) == "the dorsal camera takes 50 frames a second, cameras.yaml says 100"
+
+
+def test_only_the_words_of_an_end_are_an_end():
+    assert has_ended(ending("SIGTERM"))
+    assert not has_ended("the run has ended: it was 30 s long")
 
 
 def test_who_was_away_is_the_reason_of_a_silence_for_a_while():

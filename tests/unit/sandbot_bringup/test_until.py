@@ -1,7 +1,7 @@
 """A campaign until a verdict, but for the looks themselves (tests/unit/sandbot_model/design, tests/integration)."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import pytest
@@ -23,6 +23,18 @@ def entry(**more):
     return {"look": 1, "planned": 16, "finished": 0, "text": "so far", "stop": "", "next": [], **more}
 
 
+@dataclass(frozen=True)
+class Found:
+    """What a look finds, as far as ``until`` reads it."""
+
+    stop: str
+    block: tuple
+    found = SimpleNamespace(to_dict=dict)
+
+    def to_dict(self):
+        return {"stop": self.stop, "next": list(self.block)}
+
+
 ASKED = {"phi": 0.6, "omega_rad_s": 16.0, "because": "a and b differ there by 2.0 sd in the mean speed"}
 
 
@@ -40,6 +52,29 @@ def test_the_grid_says_where_trials_may_be_and_none_is_run_for_being_on_it():
 def test_it_begins_once():
     begun = until.with_start(plan())
     assert until.with_start(begun) == begun
+    reworded = [{**extra, "because": "spread over the plan"} for extra in begun.extra_trials]
+    again = replace(begun, extra_trials=tuple(reworded))
+    assert until.with_start(again) == again
+
+
+def test_conditions_pinned_once_or_in_another_gait_are_no_start():
+    starting = until.with_start(plan()).extra_trials
+    for change in ({"replicates": 1}, {"gait": "SGCS"}):
+        pinned = plan(gait="UNIFORM", extra_trials=[{**extra, **change} for extra in starting])
+        assert len(until.with_start(pinned).extra_trials) == 2 * len(starting)
+
+
+@pytest.mark.parametrize(("stop", "budget", "has"), [("", 16, {"budget": 16}), ("", 30, {}), ("enough", 16, {})])
+def test_a_look_that_stops_for_its_budget_says_which(tmp_path, monkeypatch, stop, budget, has):
+    found = Found(stop, ({"phi": 0.6, "omega_rad_s": 16.0},))
+    monkeypatch.setattr("sandbot_model.design.look.look", lambda *_, **__: found)
+    monkeypatch.setattr("sandbot_model.data.conditions.cells_of", lambda _: None)
+    monkeypatch.setattr("sandbot_record.trials.from_bags.campaign", lambda *_: SimpleNamespace(trials=None))
+    monkeypatch.setattr(until, "_count_ok", lambda *_: 0)
+    entry = until.decide(until.with_start(plan(budget=budget)), CampaignFolder(tmp_path))[1]
+    assert {key: entry[key] for key in entry if key == "budget"} == has
+    assert entry["stop"] == (stop or ("the budget of 16 trials is used up" if has else ""))
+    assert len(entry["next"]) == (budget == 30)
 
 
 def test_what_the_plan_pins_is_run_first():
@@ -103,15 +138,21 @@ def test_what_was_measured_since_is_looked_at(tmp_path, monkeypatch):
 
 
 def test_what_stopped_for_its_budget_goes_on_with_a_larger_one(tmp_path, monkeypatch):
-    looks = []
-    spent = "the budget of 16 trials is used up"
-    monkeypatch.setattr(until, "_look", lambda *_: looks.append(1) or {"text": spent, "stop": spent, "next": []})
+    spent = {"text": "all spent", "stop": "all spent", "next": [], "budget": 16}
+    monkeypatch.setattr(until, "_look", lambda *_: spent)
     folder, begun = CampaignFolder(tmp_path), until.with_start(plan(budget=16))
     assert until.decide(begun, folder)[1]["look"] == until.decide(begun, folder)[1]["look"] == 1
     monkeypatch.setattr(until, "_look", lambda *_: {"text": "on", "stop": "", "next": [ASKED]})
     grown, entry = until.decide(replace(begun, budget=30), folder)
     assert (entry["look"], len(trials_of(grown))) == (2, 17)
     assert until.decide(replace(begun, budget=30), folder)[1] == entry
+
+
+def test_what_stopped_with_a_verdict_needs_no_look_for_a_larger_budget(tmp_path, monkeypatch):
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "enough", "stop": "enough", "next": []})
+    folder, begun = CampaignFolder(tmp_path), until.with_start(plan(budget=16))
+    assert until.decide(begun, folder)[1]["look"] == 1
+    assert until.decide(replace(begun, budget=30), folder)[1]["look"] == 1
 
 
 def test_a_trial_that_is_ok_since_is_looked_at(tmp_path, monkeypatch):
@@ -164,6 +205,14 @@ def test_a_look_torn_by_a_kill_is_taken_anew(tmp_path, monkeypatch):
     assert [one["look"] for one in until.looks_of(folder)] == [1, 2]
 
 
+@pytest.mark.parametrize(("ok", "look"), [({"ok": 0}, 1), ({}, 2)])
+def test_a_look_that_does_not_say_how_many_trials_were_ok_is_taken_anew(tmp_path, monkeypatch, ok, look):
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "", "next": [ASKED]})
+    folder = CampaignFolder(tmp_path)
+    folder.looks.write_text(json.dumps(entry(**ok)) + "\n")
+    assert until.decide(until.with_start(plan()), folder)[1]["look"] == look
+
+
 def test_a_line_that_is_no_look_is_named(tmp_path):
     folder = CampaignFolder(tmp_path)
     folder.looks.write_text("nonsense\n")
@@ -189,7 +238,7 @@ def test_the_trial_whose_frames_are_kept_does_not_change_as_the_campaign_grows()
 
 def test_before_any_bag_trials_cost_their_walk_and_after_it_what_the_bed_took(tmp_path):
     folder, begun = CampaignFolder(tmp_path), until.with_start(plan())
-    cost = until.seconds(begun, folder)
+    cost = until.trial_cost(begun, folder)
     assert cost((0.58, 8.0)) == pytest.approx(begun.duration_s(8.0) + begun.standing_s)
     took = {0.58: 12.0, 0.6: 24.0, 0.633: 110.0}
     for trial in trials_of(begun):
@@ -198,7 +247,7 @@ def test_before_any_bag_trials_cost_their_walk_and_after_it_what_the_bed_took(tm
         walk_s = begun.duration_s(trial.omega_rad_s) + begun.standing_s
         file = metadata.FileInfo("x.mcap", 0, int(1e9 * (took[trial.phi] + walk_s)), 1)
         metadata.write(bag, metadata.BagInfo(files=[file]))
-    cost = until.seconds(begun, folder)
+    cost = until.trial_cost(begun, folder)
     for phi, bed_s in took.items():
         assert cost((phi, 24.0)) == pytest.approx(bed_s + begun.duration_s(24.0) + begun.standing_s, rel=1e-6)
     assert cost((0.58, 24.0)) < cost((0.59, 24.0)) < cost((0.6, 24.0))

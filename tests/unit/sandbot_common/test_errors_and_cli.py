@@ -1,11 +1,12 @@
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, output, run
+from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, output, run, with_ros
 from sandbot_common.errors import InputError
 
 
@@ -181,3 +182,12 @@ def test_output_lost_on_a_full_disk_is_an_error_after_the_work_is_done(tmp_path)
     assert done.returncode == BAD_INPUT
     assert done.stderr == "-c: error: output: No space left on device; files written by the command are complete\n"
     assert (tmp_path / "out.txt").read_text() == "whole"
+
+
+@pytest.mark.parametrize(
+    ("name", "known"), [("use_sim_time", True), ("start_type_description_service", True), ("rate", False)]
+)
+def test_a_command_with_options_takes_what_every_node_has(name, known):
+    words = ["--ros-args", "-p", f"{name}:=false"]
+    with nullcontext() if known else pytest.raises(InputError, match="set by options of its own"):
+        assert with_ros(Parser("one"), words)[1] == words

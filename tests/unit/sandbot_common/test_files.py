@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import (
+    base_name,
     check_output,
     parse_json,
     read_csv,
@@ -28,6 +29,15 @@ def test_writes_whole_and_makes_the_folder(tmp_path):
     write_text(path, "φ\n")
     assert path.read_text(encoding="utf-8") == "φ\n"
     assert os.listdir(path.parent) == ["b.txt"]
+
+
+def test_the_name_of_data_is_the_folders_or_the_files_without_its_ending(tmp_path, monkeypatch):
+    (folder := tmp_path / "2024.05.12").mkdir()
+    (folder / "t.v2.csv").touch()
+    (tmp_path / "latest.run").symlink_to(folder)
+    monkeypatch.chdir(folder)
+    names = {".": "2024.05.12", "..": tmp_path.name, "t.v2.csv": "t.v2", "../latest.run": "latest.run"}
+    assert {path: base_name(Path(path)) for path in names} == names
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):

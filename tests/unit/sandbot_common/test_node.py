@@ -158,9 +158,9 @@ def test_a_whole_number_is_a_float_where_one_is_meant_at_start_and_later(given):
     ("slip", "said"),
     [
         ({"rate_hz": 58}, r"rate_hz: 58 is outside \[0, 50\] Hz \(a rate\)"),
-        ({"rate_hz": "fast"}, "rate_hz: 'fast' is not of type float"),
+        ({"rate_hz": "fast"}, "rate_hz: 'fast' is not a number"),
         ({"port": 99999}, r"port: 99999 is outside \[1, 65535\]"),
-        ({"port": 8.5}, "port: 8.5 is not of type int"),
+        ({"port": 8.5}, "port: 8.5 is not a whole number"),
     ],
 )
 def test_a_wrong_parameter_is_said_in_the_words_of_every_other_file(given, slip, said):

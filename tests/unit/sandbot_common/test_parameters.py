@@ -10,6 +10,11 @@ from sandbot_common.parameters import from_mapping, parameter, specs
 
 
 @dataclass(frozen=True)
+class Place:
+    x_m: float = parameter(unit="m", doc="where", low=0.0)
+
+
+@dataclass(frozen=True)
 class Example:
     length_m: float = parameter(unit="m", doc="a length", low=0.0, high=2.0)
     count: int = parameter(3, doc="a count", low=1)
@@ -18,6 +23,8 @@ class Example:
     on: bool = parameter(False, doc="a switch")
     extra: dict[str, float] = parameter({}, doc="anything")
     limit_s: float | None = parameter(None, doc="a limit", low=0.0)
+    place: Place = parameter(Place(0.0), doc="a place")
+    rows: tuple[tuple[float, ...], ...] = parameter((), doc="rows")
 
 
 def build(**values):
@@ -30,6 +37,8 @@ def test_defaults_and_conversion():
     assert example.levels == (0.0, 1.0)
     assert example.limit_s == 2.0
     assert build().limit_s is None
+    assert build(place={"x_m": 2}).place == Place(2.0)
+    assert build(rows=[[1, 2], [3]]).rows == ((1.0, 2.0), (3.0,))
 
 
 def test_defaults_are_not_shared():
@@ -40,16 +49,20 @@ def test_defaults_are_not_shared():
     ("values", "complaint"),
     [
         ({"length_m": 2.1}, r"plan.yaml: robot: length_m: 2.1 is outside \[0, 2\] m \(a length\)"),
-        ({"length_m": math.nan}, "length_m: nan is outside"),
-        ({"length_m": "1"}, "length_m: '1' is not of type float"),
-        ({"length_m": True}, "length_m: True is not of type float"),
-        ({"count": 1.5}, "count: 1.5 is not of type int"),
+        ({"length_m": math.nan}, r"length_m: nan is not a finite number \(a length\)"),
+        ({"length_m": "1"}, "length_m: '1' is not a number"),
+        ({"length_m": True}, "length_m: True is not a number"),
+        ({"count": 1.5}, "count: 1.5 is not a whole number"),
         ({"count": 0}, "count: 0 is outside"),
         ({"kind": "wet"}, "kind: 'wet' is not one of soft, hard"),
         ({"levels": 0.5}, "levels: 0.5 is not a list"),
         ({"levels": [0.5, 1.5]}, "levels: 1.5 is outside"),
-        ({"on": 1}, "on: 1 is not of type bool"),
+        ({"extra": 1}, "extra: 1 is not a mapping"),
+        ({"on": 1}, "on: 1 is not true or false"),
         ({"limit_s": -1}, "limit_s: -1 is outside"),
+        ({"place": 1}, "robot: place: expected a mapping"),
+        ({"place": {"x_m": -1}}, r"robot: place: x_m: -1 is outside"),
+        ({"rows": [1]}, "rows: 1 is not a list"),
         ({"lenght_m": 1}, "unknown key 'lenght_m', did you mean 'length_m'"),
         ({"zzz": 1}, "unknown key 'zzz'; known: length_m, count"),
     ],
@@ -71,7 +84,7 @@ def test_bounds_hold_for_every_number(value):
     if 0.0 <= value <= 2.0:
         assert build(length_m=value).length_m == value
     else:
-        with pytest.raises(InputError, match="outside"):
+        with pytest.raises(InputError, match="outside" if math.isfinite(value) else "finite"):
             build(length_m=value)
 
 

@@ -2,6 +2,7 @@
 
 import math
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -9,6 +10,7 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 
+import sandbot_common
 from sandbot_common.ros import command_node, node
 from sandbot_common.ros.timer import Timer, end_timers
 
@@ -110,3 +112,9 @@ def test_only_what_the_lease_lets_begin_begins(turn, monkeypatch, frame_id, legs
     assert not command.lost()
     holders.clear()
     assert not command.begin(1.0)  # the campaign is gone, a person commands by hand
+
+
+def test_no_node_has_a_timer_of_ros_s_own():
+    """It stops for a minute when the system clock is set back by one (decision 16)."""
+    source = Path(sandbot_common.__file__).resolve().parents[2]
+    assert [path for path in source.rglob("*.py") if ".create_timer(" in path.read_text(encoding="utf-8")] == []

@@ -7,6 +7,7 @@ from sandbot_hardware.lines import Line, Reader
 
 values = st.lists(st.integers(-(10**12), 10**12) | st.floats(-1e6, 1e6), max_size=18)
 kinds = st.sampled_from("SLEBHW")
+LINE = lines.encode("W", 1)
 
 
 def test_a_line_is_what_the_protocol_says():
@@ -59,6 +60,44 @@ def test_a_damaged_frame_is_dropped_and_the_next_one_comes():
     reader = Reader()
     (line,) = reader.feed(bytes(frame) + lines.encode_block("C", 2, b"y" * 100))
     assert (line.values[0], line.block, reader.damaged) == (2, b"y" * 100, 1)
+
+
+frames = st.lists(st.binary(min_size=1, max_size=3000), min_size=2, max_size=5)
+
+
+@given(st.binary(max_size=5000), frames, st.integers(1, 5000))
+def test_a_reader_that_begins_anywhere_finds_the_next_frame(before, blocks, chunk):
+    wire = before + b"".join(lines.encode_block("C", at, block) for at, block in enumerate(blocks))
+    reader = Reader()
+    found = [line for at in range(0, len(wire), chunk) for line in reader.feed(wire[at : at + chunk])]
+    assert [line.block for line in found] == blocks
+    assert reader.damaged <= 1
+
+
+@given(frames, st.data())
+def test_a_lost_byte_costs_one_frame(blocks, data):
+    wire = bytearray(b"".join(lines.encode_block("C", at, block) for at, block in enumerate(blocks)) + LINE)
+    del wire[data.draw(st.integers(0, len(wire) - len(LINE) - 1))]
+    reader = Reader()
+    *found, last = reader.feed(bytes(wire))
+    assert len(found) == len(blocks) - 1
+    assert {line.block for line in found} <= set(blocks)
+    assert (last.kind, reader.damaged) == ("W", 1)
+
+
+def test_damage_is_counted_once_until_the_next_message():
+    reader = Reader()
+    assert not list(reader.feed(b"noise\n" * 10))
+    assert reader.damaged == 1
+    assert len(list(reader.feed(LINE + b"noise\n" + LINE))) == 2
+    assert reader.damaged == 2
+
+
+def test_what_is_taken_for_a_message_has_its_checksum():
+    """Negative control: an end of a line that only looks like a message."""
+    assert lines.decode(b"\xff\xd8A 5B 0.50000 *69") == Line("B", (0.5,))
+    assert lines.decode(b"\xff\xd8A 5B 0.50000 *68") is None
+    assert lines.decode(b"B 0.5.0 *%02X" % lines._checksum(b"B 0.5.0 ")) is None
 
 
 def test_values_are_shared_among_the_legs():

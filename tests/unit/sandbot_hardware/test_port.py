@@ -151,3 +151,31 @@ def test_a_line_that_checks_and_means_nothing_is_damaged(device):
     until(lambda: heard)
     assert (heard, one.damaged, one.health) == ([7], 2, (0, "ok"))
     one.close()
+
+
+def test_what_came_before_the_cable_was_out_swallows_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(port, "RETRY_S", 0.01)
+    path, heard = tmp_path / "line", []
+
+    def plugged_in():
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        path.unlink(missing_ok=True)
+        path.symlink_to(os.ttyname(slave))
+        return master, slave
+
+    first = plugged_in()
+    one = Port(str(path), 921600, lambda line, _: heard.append(line))
+    until(lambda: one.opened)
+    os.write(first[0], b"noise\n" + LINE + lines.encode_block("C", 1, b"x" * 1000)[:500])
+    until(lambda: heard)
+    second = plugged_in()
+    for file in first:
+        os.close(file)
+    until(lambda: one.opened == 2)
+    os.write(second[0], lines.encode_block("C", 2, b"y"))
+    until(lambda: len(heard) == 2)
+    assert (heard[1].block, one.damaged) == (b"y", 1)
+    one.close()
+    for file in second:
+        os.close(file)

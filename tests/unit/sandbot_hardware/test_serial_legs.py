@@ -65,6 +65,14 @@ def test_one_that_is_whole_goes_out(legs):
     assert (legs._refused, legs._sent, len(legs._port.written)) == (0, 2, 2)
 
 
+def test_what_the_legs_report_meanwhile_is_not_what_they_are_told(legs):
+    reported = Line("L", (5, *[0.25] * 6, *[0.0] * 12))
+    legs._lease = SimpleNamespace(renew=lambda _: legs._heard(reported, 1), late=lambda _: False, limit_s=60.0)
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, 0 * SIX, SIX))
+    assert legs._held == [0.25] * 6
+    assert decode(legs._port.written[0].strip()).values[1:7] == pytest.approx(SIX, abs=1e-5)
+
+
 def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest(legs):
     def send(rate):
         legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, rate * SIX, SIX))

@@ -1,5 +1,6 @@
 """The simulated devices: what they can't be made of is answered before there is any."""
 
+import io
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,9 +8,10 @@ import pytest
 import yaml
 
 from sandbot_bringup.config import config_folder
+from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_hardware import simulate_command
+from sandbot_hardware import simulate, simulate_command
 from sandbot_hardware.simulate import Trackway
 
 
@@ -43,3 +45,24 @@ def test_what_one_device_cannot_do_is_printed_and_ends_no_other(capsys):
     trackway._say("bed", lambda now_s: [b"H"])
     assert said == [("bed", b"H")]
     assert capsys.readouterr().out == "legs: set-points: a leg would turn at 4e+04 rad/s\n"
+
+
+def test_a_mistyped_order_is_told_and_the_devices_go_on(tmp_path, monkeypatch, capsys):
+    pulled = []
+
+    class Devices:
+        def __init__(self, *_):
+            pass
+
+        def step(self):
+            if pulled:
+                raise KeyboardInterrupt
+
+        def cable(self, do, name):
+            pulled.append((do, name))
+
+    monkeypatch.setattr(simulate, "Trackway", Devices)
+    monkeypatch.setattr("sys.stdin", io.StringIO("pul legs\npull legs\n"))
+    assert simulate_command.main([str(tmp_path)]) == cli.INTERRUPTED
+    assert pulled == [("pull", "legs")]
+    assert "error: 'pul legs' is not pull or plug with one of" in capsys.readouterr().err

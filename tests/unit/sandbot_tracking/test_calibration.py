@@ -162,6 +162,17 @@ def test_points_that_no_camera_sees_make_no_calibration(tmp_path, rng, capsys, c
     assert not (tmp_path / "c.yaml").exists()
 
 
+def test_points_are_numbers_as_people_write_them(tmp_path):
+    row, table = "1,2,\N{MINUS SIGN}0.1,0.2,0.3\n", tmp_path / "p.csv"
+    table.write_text(",".join(calibrate.COLUMNS) + "\n" + row * calibrate.LEAST_POINTS, encoding="utf-8")
+    assert calibrate.read_table(table).points_m[0].tolist() == [-0.1, 0.2, 0.3]
+    table.write_text(
+        ",".join(calibrate.COLUMNS) + "\n" + row * calibrate.LEAST_POINTS + "1_0,2,0.1,0.2,0.3\n", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="'1_0' is not a number"):
+        calibrate.read_table(table)
+
+
 def test_calibrate_writes_the_frame_rate_it_is_told(tmp_path, rng, capsys):
     words = table_of(camera_from_mapping(DORSAL, "dorsal"), rng, tmp_path)
     assert calibrate.main(words) == 0

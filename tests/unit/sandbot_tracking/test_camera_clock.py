@@ -9,7 +9,7 @@ from sandbot_common.config import config_file
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.camera_clock import NANO, CameraClock
 from sandbot_tracking.frame_times import FrameTimes
-from sandbot_tracking.live import View
+from sandbot_tracking.live import LiveView
 
 PERIOD, EXPOSURE, LED_ON = 0.01, 0.002, 0.05
 T0 = 1_700_000_000 * NANO
@@ -203,7 +203,7 @@ def test_a_clock_that_is_off_is_placed_by_arrival_only_where_no_led_will_tell(le
 @pytest.mark.parametrize(("every", "frames", "period_s"), [(1, 60, 0.01), (2, 30, 0.02)])
 def test_a_picture_sent_again_with_a_new_stamp_is_no_frame_but_one_at_rest_is(rng, every, frames, period_s):
     """Of a robot at rest only the noise differs; a driver that keeps the nominal rate repeats every second picture."""
-    view = View(read_cameras(config_file("cameras.yaml"))["dorsal"])
+    view = LiveView(read_cameras(config_file("cameras.yaml"))["dorsal"])
     scene = np.full(view.shape, 60, np.uint8)
     for n in range(60):
         if n % every == 0:

@@ -18,7 +18,7 @@ def test_nothing_is_said_of_frames_in_time_and_a_warning_where_more_than_one_in_
     assert fed(*[0.01] * 99, 0.06).warning == ""
     assert fed(*[0.01] * 98, 0.06, 0.06).warning == "2 of 100 frames were later than 50 ms"
     assert fed(*[0.06] * 5).values() == {"latency_ms_median": "60.00", "latency_ms_p99": "60.00", "missed_deadlines": 5}
-    assert fed().values()["latency_ms_p99"] == "none yet"
+    assert fed().values()["latency_ms_p99"] == "nan"
 
 
 def test_a_replay_tells_nothing_of_this_machine_and_a_trial_begins_anew():

@@ -196,6 +196,32 @@ def test_what_is_not_ours_is_never_started_with_ctrl_c_held_back(tmp_path):
     assert door._run([sys.executable, "-c", asks], ours=False) == 0
 
 
+@pytest.mark.parametrize("group", [False, True], ids=["sent to it alone", "sent to all, as by a terminal"])
+def test_an_interrupt_that_a_process_sends_ends_the_verb_too(group):
+    """A shell's `kill -INT $!` and a supervisor know the door's process only."""
+    waits = "import signal, sys\nprint('here', flush=True)\ntry: signal.pause()\nexcept KeyboardInterrupt: sys.exit(7)"
+    verb = [sys.executable, "-c", waits]
+    opens = f"import sys; from trackway_door.main import _run; sys.exit(_run({verb!r}, ours=False))"
+    door_of = [sys.executable, "-c", opens]
+    with subprocess.Popen(
+        door_of,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    ) as process:
+        assert process.stdout.readline() == "here\n"
+        (os.killpg if group else os.kill)(process.pid, signal.SIGINT)
+        assert process.wait(timeout=60) == 7
+
+
+def test_version_and_help(capsys):
+    assert door._main(["--version"]) == 0
+    assert re.fullmatch(r"trackway \d+\.\d+\.\d+, commit [0-9a-f]{7,}(-dirty)?\n", capsys.readouterr().out)
+    assert door._main(["help"]) == 0
+    assert capsys.readouterr().out.startswith("usage: trackway VERB")
+
+
 def test_a_verb_that_a_signal_ends_says_so_as_a_shell_does():
     assert door._run(["sh", "-c", "kill -TERM $$"], ours=False) == 128 + signal.SIGTERM
 

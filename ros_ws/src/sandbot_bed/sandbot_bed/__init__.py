@@ -4,5 +4,6 @@ volume_fraction  φ = M/(ρ A height) and σ_φ; grain density by displacement o
 protocol         PulseProtocol: the state machine, heights in, blower levels out; prepare() runs it in simulated time
 hardware         BedHardware: the two calls a driver must offer
 status           a Command as the figures of /bed/status
-bed_node         the only module with ROS: /bed/prepare, /bed/abort, /bed/blower, /bed/volume_fraction, /bed/status
+nodes/           bed_node: /bed/prepare, /bed/abort, /bed/blower, /bed/volume_fraction, /bed/status
+bed_parameters   its parameters and its command line, without ROS
 """

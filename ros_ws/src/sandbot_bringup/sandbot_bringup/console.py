@@ -16,6 +16,7 @@ from sandbot_bringup.safety import Safety
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
+from sandbot_common.health import has_ended
 from sandbot_common.typed import number_or_nan
 from sandbot_record.bags.recording import Limits
 
@@ -140,7 +141,7 @@ class NodeHealth:
     def shown(self, name: str, now_s: float) -> dict[str, Any]:
         """Its state: ok, warning, error, gone (announced, or of a node that comes and goes) or silent."""
         silent = now_s - self.heard_s > SILENT_S
-        gone = silent and (name in PASSING or self.text.startswith("ended"))
+        gone = silent and (name in PASSING or has_ended(self.text))
         state = "gone" if gone else "silent" if silent else ("ok", "warning", "error", "error")[min(self.level, 3)]
         return {"state": state, "text": self.text, "age_s": round(now_s - self.heard_s, 1)}
 

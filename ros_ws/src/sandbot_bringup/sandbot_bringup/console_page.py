@@ -24,7 +24,7 @@ HOST = "127.0.0.1"
 OLD_S = 2.0
 """A request for motion or air must be based on a state of the trackway no older than this."""
 _OWN_HEADER = "X-Trackway"
-_ENDS = ("abort", "halt", "pause")
+AT_ONCE = ("abort", "halt", "pause")
 """Actions that end something are carried out however late."""
 
 
@@ -121,7 +121,7 @@ def _obey(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
     def call(action: str) -> Response:
         if action not in source.actions:
             abort(404)
-        if action not in _ENDS and (refusal := late()):
+        if action not in AT_ONCE and (refusal := late()):
             return _answer((False, refusal))
         return _answer(source.call(action))
 

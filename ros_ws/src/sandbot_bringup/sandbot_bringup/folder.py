@@ -131,8 +131,8 @@ class CampaignFolder:
 
     def _keep(self, plan: Plan, files: Mapping[str, str]) -> None:
         # A trial that has been run could not be given its name.
-        in_the_way = [trial.trial_id for trial in self.missing(trials_of(plan)) if self.bag(trial).exists()]
-        self.set_aside(dict.fromkeys(in_the_way, "not a bag"))
+        strangers = [trial.trial_id for trial in self.missing(trials_of(plan)) if self.bag(trial).exists()]
+        self.set_aside(dict.fromkeys(strangers, "not a bag"))
         with writing(self.path):
             for name, text in files.items():
                 write_text(self.path / name, text)

@@ -34,7 +34,7 @@ class Drawn:
 
 
 @dataclass
-class View:
+class MarkedView:
     """One camera's pending picture and recent landmarks. Each event may give a picture to show."""
 
     camera: Camera

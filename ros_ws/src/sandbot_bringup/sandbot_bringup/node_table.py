@@ -14,10 +14,12 @@ from typing import Any
 
 import yaml
 
+from sandbot_common import cli
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
+from sandbot_common.typed import WORDS
 
 PACKAGE = "sandbot_bringup"
 LAUNCH_FILE = "trackway.launch.py"
@@ -29,9 +31,6 @@ NAMESPACE = "namespace"
 
 LAB = "lab"
 """The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
-
-_COMMON_PARAMETERS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
-"""Parameters that every ROS node has."""
 
 _TRUE, _FALSE = "true", "false"
 _SPACE = re.compile(r"(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?")
@@ -198,7 +197,7 @@ def _chosen(table: NodeTable, name: str, value: str) -> Any:
         return value
     wanted, given = type(argument.default), _plain(value)
     if type(given) is not wanted and not (wanted is float and type(given) is int):
-        raise InputError(f"launch argument {name}: {value!r} is not of type {wanted.__name__}")
+        raise InputError(f"launch argument {name}: {value!r} is not {WORDS[wanted]}")
     return wanted(given)
 
 
@@ -210,7 +209,7 @@ def _checked(node: NodeEntry, given: Mapping[str, str]) -> dict[str, Any]:
     module, _, name = node.settings.partition(":")
     cls = getattr(import_module(module), name)
     text = {spec.name for spec in specs(cls) if spec.type is str}
-    ours = {key: given[key] if key in text else plain[key] for key in plain if not key.startswith(_COMMON_PARAMETERS)}
+    ours = {key: given[key] if key in text else plain[key] for key in plain if not key.startswith(cli.OF_EVERY_NODE)}
     made = from_mapping(cls, ours, f"launch arguments of {node.name}")
     return plain | {key: getattr(made, key) for key in ours}
 

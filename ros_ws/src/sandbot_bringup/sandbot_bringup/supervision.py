@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sandbot_common import topics
+from sandbot_common import health, topics
 from sandbot_common.typed import number_or_nan
 
 LOOP = "its loop"
@@ -111,17 +111,18 @@ class Supervisor:
 def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """What is wrong with rate or synchronisation of the cameras, from two of the tracker's statuses; empty: nothing."""
     for camera in topics.VIEWS:
-        if f"{camera}_calibrated_ms" not in after:
+        if health.of_camera(camera, health.CALIBRATED_MS) not in after:
             continue
-        if not _figure(after, f"{camera}_frames") > _figure(before, f"{camera}_frames"):
+        if not _of(camera, health.FRAMES, after) > _of(camera, health.FRAMES, before):
             return f"the {camera} camera sends no new frames"
-        period_ms, calibrated_ms = (_figure(after, f"{camera}_{what}") for what in ("period_ms", "calibrated_ms"))
+        period_ms, calibrated_ms = (_of(camera, what, after) for what in (health.PERIOD_MS, health.CALIBRATED_MS))
         if period_ms > 0 and calibrated_ms > 0 and abs(period_ms / calibrated_ms - 1.0) > PACE:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
             return f"the {camera} camera takes {rate:.3g} frames a second, cameras.yaml says {calibrated:.3g}"
     # Before the LED's first flash the offset between the cameras' clocks is unknown.
-    if all(after.get(f"{camera}_clock") == "by the LED" for camera in topics.VIEWS):
-        frames, lost = (_figure(after, what) - _figure(before, what) for what in ("dorsal_frames", "lost_frames"))
+    if all(after.get(health.of_camera(camera, health.CLOCK)) == health.BY_THE_LED for camera in topics.VIEWS):
+        shared = health.of_camera("dorsal", health.FRAMES), health.LOST_FRAMES
+        frames, lost = (_figure(after, what) - _figure(before, what) for what in shared)
         if lost > OUT_OF_STEP * frames:
             views = f"{lost:.0f} views without a partner for {frames:.0f} dorsal frames"
             return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
@@ -136,13 +137,17 @@ def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """
     for camera in topics.VIEWS:
         edges, edges_after, jumps, jumps_after = (
-            _figure(values, f"{camera}_{what}") for what in ("led_edges", "clock_jumps") for values in (before, after)
+            _of(camera, what, values) for what in (health.LED_EDGES, health.CLOCK_JUMPS) for values in (before, after)
         )
         if jumps_after > jumps:
             return f"the {camera} camera's clock disagrees with the LED (clock_jumps)"
         if edges and edges_after == edges:
             return f"the {camera} camera did not see the LED, so its clock is uncertain"
     return ""
+
+
+def _of(camera: str, what: str, values: Mapping[str, str]) -> float:
+    return _figure(values, health.of_camera(camera, what))
 
 
 def _figure(values: Mapping[str, str], name: str) -> float:

@@ -6,7 +6,8 @@ of trials planned and finished by then, so that a resumed campaign takes the sam
 ``discovery.json`` is that of the last look.
 """
 
-from collections.abc import Collection, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from statistics import median
 from typing import Any
@@ -30,12 +31,12 @@ REPLICATES = 2
 ALONE = Processes(1)
 
 Entry = Mapping[str, Any]
-"""A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., trials ``planned`` and ``finished`` by then, and what
-``Look.to_dict`` has."""
+"""A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., trials ``planned`` and ``finished`` by then, ``text``,
+what ``Look.to_dict`` has, and the ``budget`` of trials if the look stops because it is used up."""
 
 
 def with_start(plan: Plan, where: str = "plan") -> Plan:
-    """The plan with its starting conditions, after any extra trials it already has; unchanged if it has started.
+    """The plan with its starting conditions, after any extra trials it already has; unchanged if they are planned.
 
     Raises InputError, opened by ``where``, if the base model is unknown, or the budget too small for the start.
     """
@@ -45,9 +46,10 @@ def with_start(plan: Plan, where: str = "plan") -> Plan:
 
     if plan.model not in BASES:
         raise InputError(f"{where}: model: {plan.model!r} is not a base model{did_you_mean(plan.model, BASES)}")
-    if any(extra.get("because") == START for extra in plan.extra_trials):
-        return plan
     conditions = start(plan.phi, plan.omega_rad_s)
+    planned = Counter((trial.phi, trial.omega_rad_s) for trial in trials_of(plan) if not trial.gait)
+    if all(planned[condition] >= REPLICATES for condition in conditions):
+        return plan
     grown = with_block(
         plan,
         [{"phi": phi, "omega_rad_s": omega, "replicates": REPLICATES, "because": START} for phi, omega in conditions],
@@ -66,7 +68,7 @@ def decide(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), cre
     done = len(trials) - len(folder.missing(trials))
     known = {"planned": len(trials), "finished": done, "ok": _count_ok(folder, crew)}
     entries = looks_of(folder)
-    entry = next((e for e in reversed(entries) if _is_current(e, known) and not _budget_has_grown(e, plan)), None)
+    entry = next((e for e in reversed(entries) if _is_current(e, known) and not _budget_has_changed(e, plan)), None)
     if entry is None:
         entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
         remove_torn_line(folder.looks)
@@ -86,18 +88,13 @@ def _count_ok(folder: CampaignFolder, crew: Crew) -> int:
 
 
 def _is_current(entry: Entry, known: Mapping[str, int]) -> bool:
-    """Whether a look saw exactly these trials; looks of earlier versions do not record how many were ok."""
-    return all(entry.get(key, value) == value for key, value in known.items())
+    """Whether a look saw exactly these trials."""
+    return all(entry.get(key) == value for key, value in known.items())
 
 
-def _used_up(budget: int) -> str:
-    return f"the budget of {budget} trials is used up"
-
-
-def _budget_has_grown(entry: Entry, plan: Plan) -> bool:
-    """Whether a look stopped because of a budget that is larger now."""
-    stop = str(entry.get("stop", ""))
-    return stop.startswith(_used_up(0).partition("0")[0]) and stop != _used_up(plan.max_trials)
+def _budget_has_changed(entry: Entry, plan: Plan) -> bool:
+    """Whether a look stopped because of a budget that is another one now."""
+    return "budget" in entry and bool(entry["budget"] != plan.max_trials)
 
 
 def looks_of(folder: CampaignFolder) -> list[Entry]:
@@ -131,7 +128,7 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     grid = [(phi, omega) for phi in plan.phi for omega in plan.omega_rad_s if (phi, omega) not in refused]
     if not grid:
         raise InputError(f"{plan.name}: every condition of the plan has been skipped: there is nothing left to run")
-    offered = design.Plan(grid, seconds(plan, folder), plan.replicates, plan.gait_name)
+    offered = design.Plan(grid, trial_cost(plan, folder), plan.replicates, plan.gait_name)
     cells = cells_of(from_bags.campaign(folder.path, crew).trials)
     with crew.map() as fit_all:
         found = design.look(
@@ -139,15 +136,18 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
             criteria=of_bed(plan.bed_scatter, plan.bed_drift), fit_all=fit_all,
         )  # fmt: skip
     write_json(folder.path / "discovery.json", found.found.to_dict())
-    remaining = plan.max_trials - len(trials)
-    if not found.stop and remaining <= 0:
-        found = replace(found, stop=_used_up(plan.max_trials), block=())
-    found = replace(found, block=found.block[: max(remaining, 0)])
-    return {**found.to_dict(), "text": str(found)}
+    remaining = max(plan.max_trials - len(trials), 0)
+    spent = {} if found.stop or remaining else {"budget": plan.max_trials}
+    stop = f"the budget of {plan.max_trials} trials is used up" if spent else found.stop
+    found = replace(found, stop=stop, block=found.block[:remaining])
+    return {**found.to_dict(), "text": str(found), **spent}
 
 
-def seconds(plan: Plan, folder: CampaignFolder) -> Any:
-    """The cost of a trial at (φ, ω) [s]: its walk, and the bed's preparation, interpolated over φ from past medians."""
+def trial_cost(plan: Plan, folder: CampaignFolder) -> Callable[[tuple[float, float]], float]:
+    """The time that a trial at (φ, ω) takes [s]: its walk, and the bed's preparation.
+
+    The bed's time is interpolated over φ between medians of past trials.
+    """
     beds: dict[float, list[float]] = {}
     for trial in trials_of(plan):
         if not folder.missing([trial]) and (info := metadata.read(folder.bag(trial))) is not None:

@@ -20,6 +20,7 @@ process     which process a node is, whether it is alive, real-time priority; ne
 host_clock  the wall clock, and by how much it was set
 shared_memory  whether the host has enough for its nodes
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
+health      names of the figures, and words, that nodes act on when other nodes say them on /diagnostics
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once

@@ -69,7 +69,7 @@ def _name(action: argparse.Action) -> str:
     return action.option_strings[0] if action.option_strings else str(action.metavar or action.dest)
 
 
-OF_EVERY_NODE = ("use_sim_time", "qos_overrides.")
+OF_EVERY_NODE = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 """Prefixes of the parameters that every ROS node has."""
 
 

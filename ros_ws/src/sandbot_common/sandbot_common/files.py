@@ -91,6 +91,12 @@ def check_output(path: Path) -> Path:
         raise InputError(f"{path}: can't be written: no file can be made in {above} ({error.strerror})") from None
 
 
+def base_name(path: Path) -> str:
+    """The name of a folder, or of a file without its ending; a folder's may have dots (phi0.6000_w04.000_r01)."""
+    there = Path(os.path.abspath(path))  # ``.`` has no name; a link keeps its own
+    return there.stem if there.is_file() else there.name
+
+
 def same_file(one: Path, other: Path) -> bool:
     """Whether two paths are the same file, existing or still to be written; a terminal or /dev/null is no file."""
     if one.exists() and other.exists():
@@ -384,6 +390,13 @@ def _header(lines: list[list[str]], matters: Callable[[str], bool]) -> tuple[lis
         at = next((each for each in soon if any(map(matters, lines[each]))), number)
         return lines[at], at + 1
     return [], len(lines)
+
+
+def number_in(cell: str) -> float:
+    """The number in a cell, with a point. Raises ValueError, also for 1_0, which only Python reads as a number."""
+    if "_" in cell:
+        raise ValueError(cell)
+    return float(cell.replace("\N{MINUS SIGN}", "-"))
 
 
 def _comment(line: list[str]) -> list[str]:

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean
+from sandbot_common.typed import WORDS
 
 T = TypeVar("T")
 _KEY = "sandbot"
@@ -114,7 +115,7 @@ def given(cls: type, mapping: Any, where: str) -> dict[str, Any]:
 
 
 def check(spec: Spec, value: Any, where: str) -> Any:
-    """The value, converted to the spec's type; InputError if it does not fit."""
+    """The value, converted to the spec's type, a mapping to a dataclass; InputError if it does not fit."""
     wanted = typing.get_origin(spec.type) or spec.type
     if wanted is typing.Union or wanted is types.UnionType:
         options = typing.get_args(spec.type)
@@ -134,13 +135,17 @@ def check(spec: Spec, value: Any, where: str) -> Any:
         return _bounded(spec, value, where)
     if wanted in (str, bool) and isinstance(value, wanted):
         return _chosen(spec, value, where)
+    if dataclasses.is_dataclass(wanted):
+        return from_mapping(wanted, value, f"{where}: {spec.name}")
     if wanted in (object, Any) or (wanted is dict and isinstance(value, Mapping)):
         return value
-    raise InputError(f"{where}: {spec.name}: {value!r} is not of type {getattr(wanted, '__name__', wanted)}")
+    raise InputError(f"{where}: {spec.name}: {value!r} is not {WORDS.get(wanted, wanted)}")
 
 
 def _bounded(spec: Spec, value: float, where: str) -> Any:
-    if not -LARGEST <= value <= LARGEST or not spec.low <= value <= spec.high:
+    if not -LARGEST <= value <= LARGEST:
+        raise InputError(f"{where}: {spec.name}: {value} is not a finite number ({spec.doc})")
+    if not spec.low <= value <= spec.high:
         unit = f" {spec.unit}" if spec.unit else ""
         raise InputError(f"{where}: {spec.name}: {value} is outside [{spec.low:g}, {spec.high:g}]{unit} ({spec.doc})")
     return _chosen(spec, value, where)

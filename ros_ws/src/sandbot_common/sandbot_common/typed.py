@@ -12,7 +12,9 @@ from typing import Any, Union, get_args, get_origin
 from sandbot_common.errors import InputError
 
 _NUMBERS: dict[object, type] = {int: Integral, float: Real}
-_WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a string"}
+WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a string"}
+WORDS |= {bool: "true or false", dict: "a mapping"}
+"""What a value of each type is called in a message."""
 _LONGEST = 60
 """The most characters of a value in a message."""
 
@@ -58,7 +60,7 @@ def _words(kind: Any) -> str:
         return f"a list ({_words(of[0])} each)"
     if origin is Mapping:
         return f"a mapping to {_words(of[1])}"
-    return _WORDS.get(origin) or str(origin.__name__)
+    return WORDS.get(origin) or str(origin.__name__)
 
 
 def _origin(kind: Any) -> Any:

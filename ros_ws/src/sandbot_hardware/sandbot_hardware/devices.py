@@ -73,7 +73,7 @@ class LegController:
         return []
 
     @property
-    def silence_s(self) -> float:
+    def obeyed_s(self) -> float:
         """Device time of the last set-point it obeyed."""
         return self._lease.renewed_s
 
@@ -128,7 +128,7 @@ class BedController:
         return sent
 
     @property
-    def silence_s(self) -> float:
+    def obeyed_s(self) -> float:
         """Device time of the last level it obeyed."""
         return self._lease.renewed_s
 

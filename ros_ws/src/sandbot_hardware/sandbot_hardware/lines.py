@@ -3,7 +3,8 @@ r"""The wire format, in both directions: lines of ASCII with a checksum, some fo
     <kind> <value> <value> ... *<checksum>\n
 
 ``kind`` is one capital letter, values are decimal numbers, the checksum is the exclusive or of all bytes before the
-``*`` in two hexadecimal digits. A line with a wrong checksum is dropped and counted; the next one comes soon.
+``*`` in two hexadecimal digits. A line with a wrong checksum is dropped and counted; the next one comes soon. What
+precedes a message on its line is ignored, as the rest of a frame that lost a byte does: nothing ends a block.
 
     host to legs     S t_us angle... rate...          set-point for the host's time [us]: angles (rad), rates (rad/s)
                                                       (CLOCK_MONOTONIC, which is never set)
@@ -15,6 +16,7 @@ r"""The wire format, in both directions: lines of ASCII with a checksum, some fo
     camera to host   C t_us length crc32              the middle of an exposure; a JPEG of so many bytes follows
 """
 
+import re
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from dataclasses import dataclass
 LEGS_AT_REST, AIR_OFF = 1, 2
 """Codes of W."""
 _LONGEST_LINE, _LONGEST_BLOCK = 1024, 4 << 20
+_MESSAGE = re.compile(rb"([A-Z][-+.0-9a-z ]*)\*([0-9A-Fa-f]{2})\Z")
 
 
 @dataclass(frozen=True)
@@ -46,24 +49,23 @@ def encode_block(kind: str, t_us: int, block: bytes) -> bytes:
 
 
 def decode(raw: bytes) -> Line | None:
-    """The message in a line without its newline; None if it is malformed or its checksum is wrong."""
-    body, star, given = raw.rpartition(b"*")
+    """The message at the end of a line without its newline; None if it is malformed or its checksum is wrong."""
+    found = _MESSAGE.search(raw)
+    if found is None or int(found[2], 16) != _checksum(found[1]):
+        return None
+    kind, values = found[1][:1].decode("ascii"), found[1][1:].decode("ascii").split()
     try:
-        if not star or len(given) != 2 or int(given, 16) != _checksum(body):
-            return None
-        kind, *values = body.decode("ascii").split()
-        if len(kind) != 1 or not kind.isupper():
-            return None
         return Line(kind, tuple(map(_number, values)))
     except ValueError:
         return None
 
 
 class Reader:
-    """Parses incoming bytes into messages; ``damaged`` counts invalid ones."""
+    """Parses incoming bytes into messages; ``damaged`` counts how often there was something else between them."""
 
-    def __init__(self) -> None:
-        self.damaged = 0
+    def __init__(self, damaged: int = 0) -> None:
+        self.damaged = damaged
+        self._in_step = True
         self._rest = bytearray()
         self._awaited: Line | None = None
 
@@ -71,36 +73,44 @@ class Reader:
         """The messages that are now complete."""
         self._rest += data
         while (line := self._next()) is not None:
+            self._in_step = True
             yield line
 
     def _next(self) -> Line | None:
         while True:
             if self._awaited is not None:
-                length = int(self._awaited.values[1])
+                line, length = self._awaited, int(self._awaited.values[1])
                 if len(self._rest) < length:
                     return None
-                line, block = self._awaited, bytes(self._rest[:length])
-                del self._rest[:length]
                 self._awaited = None
+                block = bytes(self._rest[:length])
                 if zlib.crc32(block) == line.values[2]:
+                    del self._rest[:length]
                     return Line(line.kind, line.values, block)
-                self.damaged += 1
+                self._lose_step()  # if bytes were lost, later messages begin in what was taken for the block
             end = self._rest.find(b"\n")
             if end < 0:
                 if len(self._rest) > _LONGEST_LINE:
-                    self.damaged += 1
-                    self._rest.clear()
+                    self._lose_step()
+                    del self._rest[:-_LONGEST_LINE]  # the next message may have begun
                 return None
-            line_read = decode(bytes(self._rest[:end]))
+            raw = bytes(self._rest[:end])
             del self._rest[: end + 1]
-            if line_read is None:
-                self.damaged += 1
-            elif line_read.kind != "C":
-                return line_read
-            elif len(line_read.values) == 3 and 0 <= line_read.values[1] <= _LONGEST_BLOCK:
-                self._awaited = line_read
+            read = decode(raw)
+            if read is None or not _MESSAGE.match(raw):
+                self._lose_step()
+            if read is None:
+                continue
+            if read.kind != "C":
+                return read
+            if len(read.values) == 3 and 0 <= read.values[1] <= _LONGEST_BLOCK:
+                self._awaited = read
             else:
-                self.damaged += 1
+                self._lose_step()
+
+    def _lose_step(self) -> None:
+        self.damaged += self._in_step
+        self._in_step = False
 
 
 def split(values: Sequence[float], legs: int) -> list[list[float]]:

@@ -100,6 +100,7 @@ class Port:
             return None
         with self._lock:
             self._device = device
+            self._reader = Reader(self.damaged)  # what came before the cable was out is not continued
             self.opened += 1
             self._set_trouble("")
         return device

@@ -102,9 +102,9 @@ class Trackway:
         for name, device in (("legs", self.legs), ("bed", self.bed)):
             self._say(name, device.tick)
         if was_moving and not self.legs.moving:
-            print(f"legs: at rest by themselves {self.now_s() - self.legs.silence_s:.3f} s after the last set-point")
+            print(f"legs: at rest by themselves {self.now_s() - self.legs.obeyed_s:.3f} s after the last set-point")
         if was_blowing and not self.bed.level:
-            print(f"bed: air off by itself {self.now_s() - self.bed.silence_s:.3f} s after the last level", flush=True)
+            print(f"bed: air off by itself {self.now_s() - self.bed.obeyed_s:.3f} s after the last level", flush=True)
         sys.stdout.flush()
         self._rest(was_moving)
 

@@ -63,7 +63,10 @@ def _simulate(argv: Sequence[str]) -> int:
     while True:
         trackway.step()
         while not orders.empty():
-            obey(trackway, orders.get())
+            try:
+                obey(trackway, orders.get())
+            except InputError as error:  # mistyped: the devices go on
+                print(f"error: {error}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

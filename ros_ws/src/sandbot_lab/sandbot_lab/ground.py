@@ -1,13 +1,12 @@
 """The ground: strength and surface at a place on the track, its memory of footholds, and its force on a leg.
 
-Compiled functions on the records of `sandbot_lab.physics`; `TrackGround` wraps them for use outside the kernel.
+Compiled functions on records of `sandbot_lab.physics`: ``p`` the physics of a trial, ``s`` its state.
 """
 
 from math import acos, atan2, cos, exp, pi, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbot_lab.jit import jit
 from sandbot_lab.outsiders import strength_factor
@@ -146,27 +145,3 @@ def force(p: Any, s: Any, theta: float, rate: float, x: float, z: float, t: floa
     if p.inertial_drag:
         total += p.inertial_drag_lambda_ * 600.0 * p.width * p.radius * (p.radius * rate) ** 2
     return float(total)
-
-
-class TrackGround:
-    """The ground along the track, for the penetrometer and for tests."""
-
-    def __init__(self, physics: NDArray[Any], state: NDArray[Any]) -> None:
-        """Takes the records of one trial, shape (1,) each; ``disturb`` writes into ``state``."""
-        self._p, self._s = physics[0], state[0]
-
-    def strength_n_per_m(self, x_m: float) -> float:
-        """Penetration stiffness at a place."""
-        return float(strength(self._p, self._s, x_m, self._p["k"]))
-
-    def surface_m(self, x_m: float, t_s: float) -> float:
-        """Height of the surface at a place, 0 where undisturbed."""
-        return float(surface(self._p, self._s, x_m, t_s))
-
-    def force_n(self, theta_rad: float, rate_rad_s: float, x_m: float, z_m: float, t_s: float) -> float:
-        """Vertical force on a leg at centre angle theta whose axle is at (x, z)."""
-        return float(force(self._p, self._s, theta_rad, rate_rad_s, x_m, z_m, t_s, self._p["k"]))
-
-    def disturb(self, x_m: float, t_s: float) -> None:
-        """Remember a foothold."""
-        disturb(self._s, x_m, t_s)

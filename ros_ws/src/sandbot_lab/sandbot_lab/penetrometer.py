@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_lab.ground import TrackGround
+from sandbot_lab.ground import force
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.robot import checked_phi
 from sandbot_lab.world import World
@@ -33,12 +33,12 @@ def press(
     for level in phis:
         rng = np.random.default_rng([seed, round(checked_phi(level) * 1e6)])
         phi = checked_phi(level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal()))
-        ground = TrackGround(physics_record(world, phi, int(rng.integers(2**62))), fresh_state(world, 0.0))
+        ground, state = physics_record(world, phi, int(rng.integers(2**62)))[0], fresh_state(world, 0.0)[0]
         for depth in depths_m:
             if not 0.0 < depth <= deepest:
                 raise InputError(f"depth {depth} m: a leg reaches 0 to {deepest:.4f} m below the belly")
             theta = -float(np.arccos((depth + height) / radius - 1))
-            force = ground.force_n(theta, 0.0, 0.0, height, 0.0)
-            reading = force * (1 + sd * float(rng.standard_normal()))
-            rows.append(dict(zip(COLUMNS, (phi, float(depth), reading, sd * force), strict=True)))
+            force_n = float(force(ground, state, theta, 0.0, 0.0, height, 0.0, ground["k"]))
+            reading = force_n * (1 + sd * float(rng.standard_normal()))
+            rows.append(dict(zip(COLUMNS, (phi, float(depth), reading, sd * force_n), strict=True)))
     return rows

@@ -52,8 +52,8 @@ class Camera:
     cx: float = parameter(unit="px", doc="principal point, x")
     cy: float = parameter(unit="px", doc="principal point, y")
     position_m: tuple[float, ...] = parameter(unit="m", doc="camera centre [x, y, z]", low=-10.0, high=10.0)
-    rotation: tuple[Any, ...] = parameter(doc="3 rows, trackway axes to camera axes")
-    plane: Any = parameter(doc="plane of the markers: {normal, offset_m}")
+    rotation: tuple[tuple[float, ...], ...] = parameter(doc="3 rows, trackway axes to camera axes")
+    plane: Plane = parameter(doc="plane of the markers: {normal, offset_m}")
     distortion: tuple[float, ...] = parameter((0.0,) * 5, doc="k1, k2, p1, p2, k3")
     frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=LOW_HZ, high=HIGH_HZ)
     exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=1.0)
@@ -155,8 +155,6 @@ def camera_from_mapping(mapping: Any, where: str) -> Camera:
     rows = camera.get("rotation")
     if "rotation" in camera:
         camera["rotation"] = _matrix(rows, where)
-    if "plane" in camera:
-        camera["plane"] = from_mapping(Plane, camera["plane"], f"{where}: plane")
     for key, lengths in (("position_m", (3,)), ("distortion", (4, 5)), ("led_region", (4,))):
         value = camera.get(key)
         if isinstance(value, list | tuple) and len(value) not in lengths:

@@ -10,6 +10,8 @@ errors of A, radius and blur do not shift it. If the rim is not that of a disc (
 centroid with a soft threshold is used instead.
 """
 
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+
 import numba
 import numpy as np
 
@@ -43,7 +45,7 @@ LEVEL, CONTRAST = 0, 6
 
 
 @numba.njit(cache=True)
-def follow(frame, bed, table, places, radii, gates):  # type: ignore[no-untyped-def]
+def follow(frame, bed, table, places, radii, gates):
     """A row for each of places (n, 2) [px] with its radius and gate (n,) [px]. ``bed``: (0, 0) if unknown."""
     rows = np.empty((places.shape[0], 7))
     for i in range(places.shape[0]):
@@ -52,7 +54,7 @@ def follow(frame, bed, table, places, radii, gates):  # type: ignore[no-untyped-
 
 
 @numba.njit(cache=True)
-def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-untyped-def]
+def _measure(frame, bed, table, x, y, radius, gate, row):
     height, width = frame.shape
     row[:] = np.nan
     if not (np.isfinite(x) and np.isfinite(y)):
@@ -82,7 +84,7 @@ def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-unt
 
 
 @numba.njit(cache=True)
-def _levels(frame, left, right, top, bottom, stride, radius):  # type: ignore[no-untyped-def]
+def _levels(frame, left, right, top, bottom, stride, radius):
     """Grey level of the disc and of the background: mean of the region's brightest pixels, and its median."""
     counts = np.zeros(256, np.int32)
     total = 0
@@ -95,7 +97,7 @@ def _levels(frame, left, right, top, bottom, stride, radius):  # type: ignore[no
 
 
 @numba.njit(cache=True)
-def _mean_of_top(counts, wanted):  # type: ignore[no-untyped-def]
+def _mean_of_top(counts, wanted):
     taken, total = 0, 0.0
     for level in range(255, -1, -1):
         here = min(counts[level], wanted - taken)
@@ -107,7 +109,7 @@ def _mean_of_top(counts, wanted):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _median(counts, rank):  # type: ignore[no-untyped-def]
+def _median(counts, rank):
     seen = 0
     for level in range(256):
         seen += counts[level]
@@ -117,7 +119,7 @@ def _median(counts, rank):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bright):  # type: ignore[no-untyped-def]
+def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bright):
     """Weighted centroid of pixels within ``within`` of (x0, y0) and the sum of weights."""
     base, scale = dark + LOW * (bright - dark), 1.0 / ((HIGH - LOW) * (bright - dark))
     total = sum_x = sum_y = 0.0
@@ -134,7 +136,7 @@ def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bri
 
 
 @numba.njit(cache=True)
-def _refine(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-def]
+def _refine(frame, bed, table, cx, cy, radius, row):
     """The row of a disc whose centre is known to a fraction of a pixel."""
     brightest = _brightest(bed, cx, cy, radius + RING_PX)
     if np.isnan(brightest):
@@ -155,13 +157,13 @@ def _refine(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-
 
 
 @numba.njit(cache=True)
-def _box(shape, cx, cy, reach):  # type: ignore[no-untyped-def]
+def _box(shape, cx, cy, reach):
     left, right = max(0, int(cx - reach)), min(shape[1], int(cx + reach) + 2)
     return left, right, max(0, int(cy - reach)), min(shape[0], int(cy + reach) + 2)
 
 
 @numba.njit(cache=True)
-def _brightest(bed, cx, cy, reach):  # type: ignore[no-untyped-def]
+def _brightest(bed, cx, cy, reach):
     """The bed's highest level under a disc and its ring; NaN if part of it is unknown."""
     left, right, top, bottom = _box(bed.shape, cx, cy, reach)
     total, brightest = 0.0, np.nan
@@ -173,14 +175,14 @@ def _brightest(bed, cx, cy, reach):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _chord(width, x, square):  # type: ignore[no-untyped-def]
+def _chord(width, x, square):
     """Columns [first, last) within the root of ``square`` of x."""
     half = np.sqrt(max(square, 0.0))
     return max(0, int(x - half) + 1), min(width, int(x + half) + 1)
 
 
 @numba.njit(cache=True, fastmath=True)
-def _ground(frame, bed, cx, cy, radius):  # type: ignore[no-untyped-def]
+def _ground(frame, bed, cx, cy, radius):
     """Disc's grey level, noise variance, α, β, grain variance and its correlation between neighbours, contrast (or 0).
 
     The background is α + β bed. Noise is the variance inside the disc; grain is the additional variance of the ring.
@@ -227,7 +229,7 @@ def _ground(frame, bed, cx, cy, radius):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _fitted(n, v, vv, b, bb, vb):  # type: ignore[no-untyped-def]
+def _fitted(n, v, vv, b, bb, vb):
     """α, β and the residual sum of squares, from a ring's sums over its pixels v and the bed b.
 
     The ring is uniform (α) or the bed under another illumination (β); both only if χ² gains MIN_GAIN.
@@ -248,7 +250,7 @@ def _fitted(n, v, vv, b, bb, vb):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _correlation_factor(rho, blur):  # type: ignore[no-untyped-def]
+def _correlation_factor(rho, blur):
     """Factor by which correlation ρ between neighbours increases the effective variance of grain on a rim.
 
     The sum over neighbours of a Gaussian texture's ρ^(lag²), weighted by the similarity of the rim's slope there: 1
@@ -264,7 +266,7 @@ def _correlation_factor(rho, blur):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True)
-def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
+def _shape(frame, bed, ground, cx, cy, radius):
     """Centre, radius from the area (0: no disc), blur [px] from Σ c (1 - c) = 2 √π radius √(blur² + 1/12), and ratio of
     axes."""
     level, noise, alpha, beta, grain, _, _ = ground
@@ -304,7 +306,7 @@ def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _soft_centroid(frame, bed, ground, row):  # type: ignore[no-untyped-def]
+def _soft_centroid(frame, bed, ground, row):
     """Write the soft centroid into the row, for patches without a disc's rim.
 
     Its variance propagates each pixel's noise, dx/dI_i = w'(x_i - x)/W: on the rim, where w' is not 0, camera noise,
@@ -334,7 +336,7 @@ def _soft_centroid(frame, bed, ground, row):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True)
-def _rim(frame, bed, table, ground, blur, row):  # type: ignore[no-untyped-def]
+def _rim(frame, bed, table, ground, blur, row):
     """Gauss-Newton on the rim from the row's centre and radius; True, with the row updated, if the rim is a disc's.
 
     Centre and radius are solved for separately, as their normal equations decouple for a complete rim.

@@ -39,8 +39,8 @@ class Latency:
         return f"{self.missed} of {self.frames} frames were later than {self._budget_s * 1e3:g} ms"
 
     def values(self) -> dict[str, object]:
-        """Median, 99th percentile and missed deadlines, for /diagnostics."""
-        figures = {"latency_ms_median": "none yet", "latency_ms_p99": "none yet"}
+        """Median and 99th percentile (nan: no frame yet) and missed deadlines, for /diagnostics."""
+        figures = {"latency_ms_median": "nan", "latency_ms_p99": "nan"}
         if self._recent:
             median, p99 = np.quantile(self._recent, (0.5, 0.99)) * 1e3
             figures = {"latency_ms_median": f"{median:.2f}", "latency_ms_p99": f"{p99:.2f}"}

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common import topics
+from sandbot_common import health, topics
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.camera_clock import NANO, CameraClock
@@ -51,7 +51,7 @@ def warm_up(cameras: Mapping[str, Camera]) -> None:
         speed.update(t_ns / NANO, 0.0, 1e-6, 12.0)
 
 
-class View:
+class LiveView:
     """One camera: its clock, its frame times, and the frames waiting for the clock."""
 
     def __init__(self, camera: Camera) -> None:
@@ -81,6 +81,30 @@ class View:
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
         return True
 
+    @property
+    def figures(self) -> dict[str, object]:
+        """Figures of its clock and its frames' stamps, for /diagnostics."""
+        clock, times = self.clock, self.times
+        known = clock.half_width_ns
+        return {
+            health.CLOCK: "unknown" if not clock.placed else "as stamped" if known is None else health.BY_THE_LED,
+            "clock_offset_ms": f"{clock.offset_ns * 1e-6:.3f}",
+            "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
+            "jitter_ms": f"{times.jitter_s * 1e3:.3f}",
+            health.PERIOD_MS: f"{times.period_s * 1e3:.3f}",
+            health.CALIBRATED_MS: f"{times.calibrated_s * 1e3:.3f}",
+            health.FRAMES: times.frames,
+            "dropped": times.dropped,
+            "doubled": times.doubled,
+            "repeated": times.repeated,
+            "out_of_order": times.late,
+            "unplaced": self.unplaced,
+            health.LED_EDGES: clock.edges,
+            "led_missed": clock.missed,
+            "led_unannounced": clock.unannounced,
+            health.CLOCK_JUMPS: clock.jumps,
+        }
+
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
         """Keep a frame's markers until the clock is known; the oldest are dropped beyond MAX_HELD."""
         self.held.append((t_ns, seen))
@@ -108,7 +132,7 @@ class LiveTracker:
         """``tolerance_s``: largest time [s] between two views of one instant; 0: half a dorsal frame period."""
         self.dimensions = robot
         self._cameras = {name: cameras[name] for name in topics.VIEWS if name in cameras}
-        self.views = {name: View(camera) for name, camera in self._cameras.items()}
+        self.views = {name: LiveView(camera) for name, camera in self._cameras.items()}
         tolerance_s = tolerance_s or 0.5 / cameras["dorsal"].frame_rate_hz
         self.pairing: Pairing[Marks | Axles] = Pairing(tuple(self._cameras), round(tolerance_s * NANO))
         self.lost_frames = self.without_legs = 0
@@ -116,6 +140,20 @@ class LiveTracker:
         self._legs: deque[tuple[int, Floats]] = deque()
         self._robot: tuple[int, int] | None = None
         self._begin(0)
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """Figures of the tracking and of each camera, for /diagnostics."""
+        values: dict[str, object] = {
+            health.LOST_FRAMES: self.lost_frames,
+            "late_frames": self.pairing.late,
+            "samples_without_legs": self.without_legs,
+        }
+        for camera, view in self.views.items():
+            counts = self.tracker.counts[camera]
+            markers = {what: getattr(counts, what) for what in ("missing", "lost", "reacquired", "ambiguous")}
+            values |= {health.of_camera(camera, what): value for what, value in (view.figures | markers).items()}
+        return values
 
     def _begin(self, start_ns: int) -> None:
         """Start a trial: the robot has been carried back to the start, so its markers are searched for again."""

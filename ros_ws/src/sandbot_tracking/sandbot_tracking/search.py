@@ -1,5 +1,7 @@
 """Finds patches of a marker's size in a whole frame that are brighter than the grains."""
 
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+
 import numba
 import numpy as np
 
@@ -8,7 +10,7 @@ SAMPLED = 4
 
 
 @numba.njit(cache=True)
-def patches(frame, step, tile, stride, min_area, max_area):  # type: ignore[no-untyped-def]
+def patches(frame, step, tile, stride, min_area, max_area):
     """Patches (n, 3) of ``min_area`` to ``max_area`` px at least ``step`` above the grains: middle x, y and area [px].
 
     The grains' level is the median of a tile of ``tile`` px, as illumination may be uneven. Only every ``stride``-th
@@ -34,7 +36,7 @@ def patches(frame, step, tile, stride, min_area, max_area):  # type: ignore[no-u
 
 
 @numba.njit(cache=True)
-def _levels(frame, step, tile):  # type: ignore[no-untyped-def]
+def _levels(frame, step, tile):
     """The threshold of each tile."""
     height, width = frame.shape
     levels = np.empty(((height + tile - 1) // tile, (width + tile - 1) // tile), np.uint8)
@@ -54,7 +56,7 @@ def _levels(frame, step, tile):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _fill(frame, seen, stack, row, column, level):  # type: ignore[no-untyped-def]
+def _fill(frame, seen, stack, row, column, level):
     """Middle and area of the bright pixels connected to (row, column); the area is infinite if the stack overflows."""
     height, width = frame.shape
     area, sum_x, sum_y, n = 0.0, 0.0, 0.0, 1
@@ -76,10 +78,10 @@ def _fill(frame, seen, stack, row, column, level):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True)
-def _bit(seen, row, column):  # type: ignore[no-untyped-def]
+def _bit(seen, row, column):
     return seen[row, column >> 3] & (1 << (column & 7)) != 0
 
 
 @numba.njit(cache=True)
-def _set(seen, row, column):  # type: ignore[no-untyped-def]
+def _set(seen, row, column):
     seen[row, column >> 3] |= 1 << (column & 7)

@@ -1,5 +1,7 @@
 """Compiled polynomial fits in windows of a folded step: the widest window around a centre whose residuals are noise."""
 
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+
 import numba
 import numpy as np
 
@@ -10,7 +12,7 @@ MARGIN = 0.85
 
 
 @numba.njit(cache=True)
-def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap):  # type: ignore[no-untyped-def]
+def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap):
     """Whether one of the decreasing ``widths`` fits; slope, level and their standard errors, of a line or a cubic.
 
     A cubic is fitted only where its points are at most ``max_gap`` half-widths apart.
@@ -30,7 +32,7 @@ def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap)
 
 
 @numba.njit(cache=True)
-def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap):  # type: ignore[no-untyped-def]
+def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap):
     """A polynomial fit in [centre ± half], periodic in the step; False if residuals are not noise."""
     nothing = (0.0, 0.0, 0.0, 0.0)
     turns = np.floor(phase - centre + 0.5)
@@ -56,21 +58,21 @@ def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap)
 
 
 @numba.njit(cache=True)
-def _spread_out(u, least, max_gap):  # type: ignore[no-untyped-def]
+def _spread_out(u, least, max_gap):
     """Whether there are ``least`` distinct places, none farther than ``max_gap`` from the next."""
     gaps = np.diff(np.sort(u))
     return np.count_nonzero(gaps > 0.01) + 1 >= least and gaps.max() <= max_gap
 
 
 @numba.njit(cache=True)
-def _chi2_99(free):  # type: ignore[no-untyped-def]
+def _chi2_99(free):
     """99 % quantile of χ² (Wilson–Hilferty; within 1 % from 3 degrees of freedom on)."""
     part = 2.0 / (9.0 * free)
     return free * (1.0 - part + 2.3263 * np.sqrt(part)) ** 3
 
 
 @numba.njit(cache=True)
-def _runs(residual, u):  # type: ignore[no-untyped-def]
+def _runs(residual, u):
     """Whether residuals are systematic: the mean over some eighth of the window exceeds 3.5 standard errors."""
     count, total = np.zeros(8), np.zeros(8)
     for i in range(u.size):

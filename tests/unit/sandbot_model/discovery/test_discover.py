@@ -14,7 +14,7 @@ from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.next_trials import NextTrial
-from sandbot_model.discovery.unseen import largest_shift
+from sandbot_model.discovery.unseen import equally_simple, largest_shift
 from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
@@ -56,6 +56,8 @@ def test_an_unseen_effect_that_hardly_shifts_the_response_time_is_not_spoken_of(
     assert largest_shift(named, [off[-1.9]]) is None
     assert largest_shift(named, list(off.values())).delta_t_s == pytest.approx(value + 2.1 * stderr)
     assert largest_shift(named, []) is None
+    # Each holds a parameter: not as simple as the model is.
+    assert equally_simple(named, list(off.values())) == []
 
 
 def replace_delta_t(named, delta_t_s):

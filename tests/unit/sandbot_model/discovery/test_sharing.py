@@ -21,10 +21,11 @@ from sandbot_model.discovery.sharing import _refused_if_parts_suffice, nuisances
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.walking import KCurve, Walker
+from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_record.trials.table import from_rows
 
 OVERLAP = {name: effect for name, effect in catalogue().items() if name == "stance_overlap"}
@@ -71,6 +72,34 @@ def test_where_a_zero_denies_an_effect_errors_cover_the_fit_with_it_too(drawn):
     clean = verdict(table(drawn))
     assert clean.verdict.status == "adequate"
     assert "cover both" not in clean.verdict.because
+
+
+def test_errors_cover_another_formula_that_fits_as_well_beside_the_scatter_of_preparations():
+    """Δt by the model's acceleration is 0.9 s, by the exact one 0.4 s; a bed that scatters hides which."""
+    exact = catalogue()["exact_vertical_acceleration"]
+    found = discover(cells_of(prepared(exact)), {exact.identifier: exact}, max_effects=1)
+    assert found.verdict.status == "adequate"
+    assert found.unseen == (exact.identifier,)
+    assert "(its standard error covers both)" in found.verdict.because
+    value, stderr = found.fit.parameters["delta_t_s"]
+    assert abs(value - _drawn.DELTA_T_S) < 2 * stderr
+    # Control: by the base model's formula, a small error that covers the truth.
+    null = discover(cells_of(prepared()), {exact.identifier: exact}, max_effects=1)
+    assert null.verdict.status == "adequate"
+    assert "covers both" not in null.verdict.because
+    value, stderr = null.fit.parameters["delta_t_s"]
+    assert abs(value - _drawn.DELTA_T_S) < 3 * stderr < 0.1
+
+
+def prepared(*effects, seed=1):
+    """15 conditions of three trials; k scatters by 0.7 % from one preparation to the next, of which each has one."""
+    rng = np.random.default_rng(seed)
+    grid = np.meshgrid((0.585, 0.605, 0.625), (6, 11, 16, 20, 24), np.arange(3), indexing="ij")
+    phi, omega, replicate = (axis.ravel().astype(float) for axis in grid)
+    k = _drawn.GROUND(phi) * np.exp(0.007 * np.repeat(rng.normal(size=15), 3))
+    inputs = Inputs(k, omega, _drawn.DELTA_T_S, phi)
+    seen = predicted(Walker(effects), inputs, [{} for _ in effects], _drawn.GROUND).observables
+    return _drawn.table(phi, omega, replicate, seen + 0.4 * _drawn.NOISE * rng.normal(size=seen.shape))
 
 
 def test_a_zero_farther_off_than_is_believed_is_no_explanation_but_is_said(drawn):

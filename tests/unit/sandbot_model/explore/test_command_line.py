@@ -102,7 +102,8 @@ def test_data_beside_of_another_robot_are_refused_in_one_line(trials, tmp_path, 
     assert "trials of another robot than DATA (leg_radius_m 0.05 and 0.0355)" in line
 
 
-def test_a_port_in_use_is_said_in_one_line(trials, tmp_path, capsys):
+def test_a_port_in_use_is_said_in_one_line_and_before_anything_is_read(trials, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(explore_tool._Servers, "read", lambda _: pytest.fail("read"))
     write_csv(trials, tmp_path / "trials.csv")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

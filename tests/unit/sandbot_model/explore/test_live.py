@@ -1,13 +1,16 @@
 """What is served follows data that change: a campaign that grows, a table that is dropped."""
 
+import io
 import threading
+from pathlib import Path
 
 import pytest
 from flask import Flask
 from werkzeug.test import Client
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore.live import MAX_BYTES, Live
+from sandbot_model.explore.live import MAX_BYTES, Live, completed_recordings
+from sandbot_model.explore.loopback import own_host_only
 
 
 class Desk:
@@ -16,18 +19,22 @@ class Desk:
     def __init__(self):
         self.made = 0
         self.refuses = ""
+        self.breaks = lambda dropped: False
         self.called = threading.Event()
 
     def __call__(self, dropped):
         self.called.set()
         if self.refuses:
             raise InputError(self.refuses.format(dropped))
+        if self.breaks(dropped):
+            raise ZeroDivisionError("a bug")
         self.made += 1
         return server(f"{self.made} {dropped.name if dropped else ''}")
 
 
 def server(said):
     app = Flask("test")
+    own_host_only(app)
     app.add_url_rule("/", "page", lambda: said)
     return app
 
@@ -99,6 +106,32 @@ def test_a_table_that_is_dropped_stands_beside_the_data_also_when_these_grow(liv
     assert client.get("/").text == "2 theirs.csv"
 
 
+def test_a_table_with_which_no_server_can_be_made_leaves_all_as_it_was(live, desk, campaign):
+    client = Client(live)
+    desk.breaks = lambda dropped: dropped is not None and dropped.name == "bug.csv"
+    assert client.post("/drop?name=good.csv", data=b"phi\n").status_code == 204
+    assert client.post("/drop?name=bug.csv", data=b"phi\n").status_code == 500
+    recorded(campaign, "second")
+    assert live.look()
+    assert client.get("/").text == "2 good.csv"
+
+
+def test_a_check_that_fails_for_any_reason_is_made_again(live, desk, campaign, capsys):
+    recorded(campaign, "second")
+    desk.breaks = lambda dropped: True
+    assert not live.look()
+    assert "ZeroDivisionError: a bug" in capsys.readouterr().err
+    desk.breaks = lambda dropped: False
+    assert live.look()
+    assert Client(live).get("/").text == "1 "
+
+
+def test_a_recording_that_is_moved_away_once_it_is_listed_is_none(campaign, monkeypatch):
+    listed = [campaign / "trials" / name / "metadata.yaml" for name in ("first", "moved")]
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: listed)
+    assert [path for path, _ in completed_recordings([campaign])] == [str(listed[0])]
+
+
 def test_a_table_that_is_none_is_refused_in_a_line_and_changes_nothing(live, desk):
     client = Client(live)
     desk.refuses = "{}: row 2, column phi: 'x' is no number"
@@ -107,6 +140,10 @@ def test_a_table_that_is_none_is_refused_in_a_line_and_changes_nothing(live, des
     desk.refuses = ""
     for name, content in (("film.mp4", b"x"), ("large.csv", b"x" * (MAX_BYTES + 1))):
         assert client.post(f"/drop?name={name}", data=content).status_code == 400
+    unknown = client.post(
+        "/drop?name=long.csv", input_stream=io.BytesIO(b"x"), headers={"Transfer-Encoding": "chunked"}
+    )
+    assert unknown.status_code == 400
     assert client.get("/").text == "0"
     assert client.get("/drop").status_code == 405
 

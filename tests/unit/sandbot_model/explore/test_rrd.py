@@ -1,5 +1,7 @@
 """A trial as a Rerun recording: what its lines are, on both timelines, and what is said where Rerun is missing."""
 
+import errno
+import os
 import sys
 from types import SimpleNamespace
 
@@ -9,7 +11,10 @@ import pytest
 from made_up import PACE
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore import rrd
+from sandbot_model.explore import clip, rrd
+from sandbot_model.explore import scene as scenes
+from sandbot_model.tools import arguments
+from sandbot_model.tools import export as export_tool
 from sandbot_model.tools.export import main as export
 from sandbot_record.bags.reader import Bag
 
@@ -75,3 +80,22 @@ def test_what_was_written_is_read_back(scene, bag, tmp_path):
             assert set(chunk.timeline_names) == {"time", "leg_phase"}
             rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
     assert rows == {"/film": 5} | {f"/{name}": len(one.value) for name, one in by_name(scene, bag).items()}
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_a_full_disk_is_told_in_one_line(full, scene, bags, tmp_path, monkeypatch, capsys):
+    def write(part, *_):
+        part.write_bytes(b"clip")
+        if full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(arguments, "trials", lambda _: (None, "robot: any"))
+    monkeypatch.setattr(export_tool, "_fitted", lambda *_: None)
+    monkeypatch.setattr(scenes, "scene_of", lambda *_: scene)
+    monkeypatch.setattr(clip, "write_clip", write)
+    name, path = next(iter(bags.items()))
+    assert export([str(path), "--trial", name, "--out", str(tmp_path / "t.mp4")]) == (2 if full else 0)
+    said = capsys.readouterr().err
+    assert said.count("\n") == full
+    assert ("t.mp4: can't be written: No space left on device" in said) is full
+    assert (tmp_path / "t.mp4").exists() is not full

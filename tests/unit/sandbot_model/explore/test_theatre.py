@@ -13,7 +13,7 @@ from flask import Flask
 from made_up import PACE
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore import clip, scene_figures
+from sandbot_model.explore import clip, scene_figures, theatre_page
 from sandbot_model.explore.scene import phases, scene_of
 from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.physics.observables import Observable
@@ -100,6 +100,33 @@ def test_a_leg_is_coloured_only_while_it_holds(scene):
     holding = scene.holds.any(axis=1)
     assert coloured(int(np.flatnonzero(holding)[3]))
     assert not coloured(int(np.flatnonzero(~holding)[3]))
+
+
+@pytest.mark.parametrize(("radius_m", "belly"), [(0.0355, 0.7), (0.5, 0.7), (0.01, 0.0), (0.2, 1.99)])
+def test_every_robot_fits_into_its_picture(scene, radius_m, belly):
+    """Nothing of the legs touches the edge, and a leg is drawn the larger the more of its picture it may fill."""
+    robot = replace(scene, radius_m=radius_m, axle_height_m=belly * radius_m)
+    for t in scene.waveform.leg_time_s[::7]:
+        legs = clip.legs_at(robot, float(t)).astype(int)
+        drawn = (legs < 150).all(axis=2) | (np.abs(legs - clip.NEW).sum(axis=2) < 30)
+        drawn[np.flatnonzero(drawn.all(axis=1))] = False  # the surface
+        assert not np.concatenate([drawn[[0, -1]].ravel(), drawn[:, [0, -1]].ravel()]).any()
+        assert np.ptp(np.flatnonzero(drawn.any(axis=1))) > clip.HEIGHT / 5
+
+
+def test_the_leg_drawn_has_the_arc_of_the_robot(scene):
+    """From the hip, clockwise as seen with +x to the right; SandBot's is 225° long."""
+    assert np.degrees(scene.arc_rad) == pytest.approx(225)
+    ends, pixels, arcs = [], [], np.pi * np.array([1, 1.25, 1.75])
+    for arc_rad in arcs:
+        robot = replace(scene, arc_rad=arc_rad)
+        path = re.search(r'id="leg-0" class="arc" d="M0 0 A1 1 0 1 1 (\S+) (\S+)"', theatre_page._leg(robot))
+        ends.append((float(path[1]), float(path[2])))
+        pixels.append(int((clip.legs_at(robot, 0.0) < 60).all(axis=2).sum()))
+    assert ends == [
+        pytest.approx((np.sin(arc), 1 - np.cos(arc)), abs=1e-3) for arc in np.pi * np.array([1, 1.25, 1.75])
+    ]
+    assert pixels == sorted(set(pixels))
 
 
 @pytest.fixture(scope="module")

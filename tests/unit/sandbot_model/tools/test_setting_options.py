@@ -73,6 +73,13 @@ def test_a_table_is_sandbots_until_another_robot_is_named(folder):
     assert (trials.robot, line) == (BIG, "robot: big.yaml")
 
 
+def test_a_report_is_called_as_asked_or_as_its_data(tmp_path, monkeypatch):
+    (folder := tmp_path / "2024.05.12").mkdir()
+    monkeypatch.chdir(folder)
+    titles = [arguments.title(argparse.Namespace(title=asked, data=[Path()])) for asked in (None, "mine")]
+    assert titles == ["2024.05.12", "mine"]
+
+
 def test_cameras_tell_frame_rate_and_accuracy(folder):
     trials, _ = told("t.csv", "--cameras", "fast.yaml")
     assert (trials.frame_rate_hz, trials.accuracy) == (200.0, Accuracy(lift_m=0.002))

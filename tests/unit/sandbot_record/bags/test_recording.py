@@ -286,17 +286,23 @@ def test_what_waits_is_flushed_while_more_comes(tmp_path):
     assert len(chunks) == 50
 
 
-def test_images_become_a_video(tmp_path):
-    pixels = np.random.default_rng(1).integers(0, 256, (5, 48, 64), dtype=np.uint8)
+@pytest.mark.parametrize("registered_again", [False, True])
+def test_images_become_a_video(tmp_path, registered_again):
+    """Also if the topic is registered again meanwhile, as after a change of its publisher's QoS."""
+    pixels = np.random.default_rng(1).integers(0, 256, (6, 48, 64), dtype=np.uint8)
     made = Recording(
         BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic
     )
     made.add_topic("/cam", "sensor_msgs/msg/Image")
     for index, one in enumerate(pixels):
+        if registered_again and index == 3:
+            while made.written < 3:
+                assert not made.stopped.wait(0.01)
+            made.add_topic("/cam", "sensor_msgs/msg/Image")
         image = to_cdr(messages.image(index, "cam", one))
         made.put(Received("/cam", image, bags.T0 + index, bags.T0 + index, index + 1))
     made.close()
-    assert made.last_line().startswith("recorded 5 messages of 1 topic to ")
+    assert made.last_line().startswith("recorded 6 messages of 1 topic to ")
     timeline = Timeline(Bag.open(tmp_path / "b"))
     for index, one in enumerate(pixels):
         image = timeline[index].decode()
@@ -304,17 +310,26 @@ def test_images_become_a_video(tmp_path):
         np.testing.assert_array_equal(image.data.reshape(48, 64), one)
 
 
+def test_a_topic_registered_again_with_another_type_ends_the_recording(tmp_path):
+    made = recording(tmp_path / "b")
+    made.add_topic("/x", "std_msgs/msg/Bool")
+    assert made.stopped.wait(10)
+    made.close()
+    assert "not std_msgs/msg/Bool" in made.reason
+
+
 def test_an_image_that_cannot_become_a_video_stops_with_the_reason(tmp_path):
     made = Recording(
         BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic
     )
     made.add_topic("/cam", "sensor_msgs/msg/Image")
-    odd = to_cdr(messages.image(0, "cam", np.zeros((47, 64), np.uint8)))
-    made.put(Received("/cam", odd, bags.T0, bags.T0, 1))
+    coloured = messages.image(0, "cam", np.zeros((48, 3 * 64), np.uint8))
+    coloured.encoding, coloured.width = "bgr8", 64
+    made.put(Received("/cam", to_cdr(coloured), bags.T0, bags.T0, 1))
     assert made.stopped.wait(10)
     made.close()
     assert made.failed
-    assert "even width and height" in made.last_line()
+    assert "mono8 is needed" in made.last_line()
 
 
 @pytest.mark.parametrize("images", ["jpeg", "video"])

@@ -1,8 +1,10 @@
+from collections import deque
+
 import bags
 import pytest
 
 from sandbot_common import topics
-from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.playback import Player, Timeline
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.nodes import replay_node
@@ -52,3 +54,25 @@ def test_jpeg_frames_are_known_as_such(tmp_path):
 )
 def test_what_nobody_else_may_publish_is_watched(played, watched):
     assert set(replay_node._live_topics(played)) == watched
+
+
+@pytest.mark.ros
+def test_an_error_of_the_player_ends_the_replay(tmp_path, domain, monkeypatch, capfd):
+    command = [str(bags.legs_bag(tmp_path / "bag", 5)), "--delay", "0", "--ros-args", "-r", "__ns:=/replay"]
+    assert replay.main(command) == 0  # negative control
+    assert capfd.readouterr().out.startswith("replayed 5 messages")
+
+    def failing(_, now):
+        raise RuntimeError("not an InputError")
+
+    monkeypatch.setattr(Player, "step", failing)
+    with pytest.raises(RuntimeError, match="not an InputError"):
+        replay.main(command)
+
+
+def test_only_the_last_messages_tell_how_late_they_were(monkeypatch):
+    one = object.__new__(replay_node.Replay)
+    one.published, one.missing, one._late_ns = 5, 0, deque([1_000_000, 3_000_000], maxlen=3)
+    assert one.last_line() == "replayed 5 messages; late by 2.000 ms (median), 2.980 (p99), 3.000 (worst)"
+    monkeypatch.setattr(replay_node, "_LATE", 2)
+    assert one.last_line().endswith("3.000 (worst) of the last 2 messages")

@@ -22,6 +22,8 @@ from sandbot_record.trials.read import read
 def test_a_bag_becomes_a_row(tmp_path):
     row = table.row_from_bag(bags.trial_bag(tmp_path / "b", speed=0.2))
     assert row.trial_id == "t0001"
+    nameless = bags.trial_bag(tmp_path / "phi0.62.r01", plan={**bags.PLAN, "trial_id": ""})
+    assert table.row_from_bag(nameless).trial_id == "phi0.62.r01"
     assert (row.phi, row.phi_sd) == (0.6213, 0.0015)
     assert (row.omega_rad_s, row.gait, row.replicate) == (8.0, "UNIFORM", 2)
     assert row.status == "ok"

@@ -82,6 +82,30 @@ def test_a_clock_that_jumped_is_told(tmp_path, lost, said):
     assert status(tmp_path, more=setpoints(lost)) == said
 
 
+def test_set_points_without_time_stamps_are_told(tmp_path):
+    told = [(topic, t_s, messages.joint_state(0, message.name, message.position, message.velocity, message.effort))
+            for topic, t_s, message in setpoints()]  # fmt: skip
+    assert status(tmp_path, more=told) == "clock: set-points with equal time stamps"
+
+
+@pytest.mark.parametrize(
+    ("before_m", "after_m", "said"),
+    [
+        (0.1, 0.0, "bed: only 0 of 100 height readings while the legs moved are finite and above 0"),
+        (0.1, np.nan, "bed: only 0 of 100 height readings while the legs moved are finite and above 0"),
+        (np.inf, 0.1, "bed: only 0 of 14 height readings before the legs moved are finite and above 0"),
+        (0.1, 0.1, "ok"),
+    ],
+)
+def test_a_height_sensor_that_measures_nothing_is_told(tmp_path, before_m, after_m, said):
+    assert status(tmp_path, more=setpoints() + heights(before_m, after_m)) == said
+
+
+def test_heights_that_are_missing_now_and_then_are_ok(tmp_path):
+    zeros = [(topic, t_s + 0.01, messages.range_(0, 0.0, 0.0, 1.0, "bed")) for topic, t_s, _ in heights(0.1, 0.1)[::3]]
+    assert status(tmp_path, more=setpoints() + heights(0.1, 0.1) + zeros) == "ok"
+
+
 @pytest.mark.parametrize(("part", "follows"), [(0.0, False), (0.4, False), (0.7, True)])
 def test_legs_that_do_not_follow(tmp_path, part, follows):
     states = []

@@ -65,10 +65,10 @@ def test_a_mount_beside_the_robot_must_be_the_robots(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("dorsal: {frame_rate_hz: fast}", r"cameras\.yaml: dorsal: frame_rate_hz: 'fast' is not of type float"),
+        ("dorsal: {frame_rate_hz: fast}", r"cameras\.yaml: dorsal: frame_rate_hz: 'fast' is not a number"),
         ("dorsal: {frame_rate_hz: 0}", "frame_rate_hz: 0 is outside"),
         ("dorsal: {frame_rate: 250.0}", "dorsal: unknown key 'frame_rate', did you mean 'frame_rate_hz'?"),
-        ("dorsal: {frame_rate_hz: 250.0, fx: x}", "dorsal: fx: 'x' is not of type float"),
+        ("dorsal: {frame_rate_hz: 250.0, fx: x}", "dorsal: fx: 'x' is not a number"),
         ("dorsal: {frame_rate_hz: 250.0}\nlateral: 3", "lateral: expected a mapping"),
         ("dorsal: 3", "no camera in it"),
         ("top: {frame_rate_hz: 50.0}", r"cameras\.yaml: no camera is called 'top'; known: dorsal, lateral"),

@@ -102,6 +102,15 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number; a value is needed here"),
         (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
         (GOOD + "60,8,0.2\n", "row 4, column phi: 60 is out of range: .* divide percent by 100"),
+        (GOOD + "0.6_0,8,0.2\n", "row 4, column phi: '0.6_0' is not a number"),
+        (GOOD + "6_0%,8,0.2\n", "row 4, column phi: '6_0' is not a number"),
+        *(
+            (
+                f"phi,omega_rad_s,speed_m_s,n_trials\n0.6,8,0.2,{n}\n",
+                f"row 2, column n_trials: {n} is out of range: a whole number",
+            )
+            for n in ("0", "-0.5", "2.5")
+        ),
         (GOOD + "0,8,0.2\n", "row 4, column phi: 0 is out of range"),
         (GOOD + "0.6,0,0.2\n", "row 4, column omega_rad_s: 0 is out of range"),
         (GOOD + "0.6,-8,0.2\n", "row 4, column omega_rad_s: -8 is out of range"),
@@ -428,6 +437,12 @@ def test_thousands_are_not_taken_for_decimals(tmp_path, text, complaint):
 def test_micrometres_are_read_however_the_prefix_is_typed(tmp_path, unit):
     table = read(write(tmp_path, f"phi,omega_rad_s,speed_m_s,lift [{unit}]\n.6,8,.2,5400\n"))
     assert table.lift_m.tolist() == pytest.approx([5.4e-3])
+
+
+def test_a_minus_sign_is_read_in_any_unit(tmp_path):
+    table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,lift [mm]\n.6,8,.2,-0.5\n.6,8,\u22120.2,\u22120.5\n"))
+    assert table.lift_m.tolist() == pytest.approx([-5e-4, -5e-4])
+    assert table.speed_m_s.tolist() == [0.2, -0.2]
 
 
 def test_a_symbol_that_is_another_quantitys_does_no_harm(tmp_path):

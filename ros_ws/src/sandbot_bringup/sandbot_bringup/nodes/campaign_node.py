@@ -34,6 +34,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.health import ending, has_ended
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
@@ -385,12 +386,12 @@ class Operator(Node):
         level, text, values = self._hearing.statuses.get(RECORDER, NodeStatus())
         if level > 1:
             # E.g. a full disk: nothing more is recorded, so the legs stop.
-            return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"
+            return f"the recorder {text if has_ended(text) else f'failed: {text}'}"
         if values.get("state", "recording") != "recording":
             # By /recorder/pause or /recorder/stop: the legs must not walk on unrecorded.
             return f"the recorder {text}"
         if self._recorder.ended:
-            return f"the recorder ended: {self._recorder.why_ended}"
+            return f"the recorder {ending(self._recorder.why_ended)}"
         if self._recorder.frozen:
             return "the recorder is frozen"
         return self._hearing.fault()

@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 from sandbot_bringup.console import Console, Throttle
 from sandbot_bringup.console_page import HOST, OLD_S, serve
 from sandbot_bringup.console_parameters import ConsoleParameters
-from sandbot_bringup.marks import SEEN_BY, Drawn, View
+from sandbot_bringup.marks import SEEN_BY, Drawn, MarkedView
 from sandbot_bringup.nodes.page_lease_node import PageLease
 from sandbot_common import messages, topics
 from sandbot_common.config import config_file
@@ -44,8 +44,8 @@ ACTIONS: Mapping[str, str] = {
 """What the page's buttons call: std_srvs/Trigger services."""
 LEASED = ("prepare", "start")
 """Actions whose effect lasts only while the console is alive and a page is open."""
-_ENDS = ("abort", "halt")
-"""Actions that end them, as STOP does."""
+ENDS_LEASED = ("abort", "halt")
+"""Actions that end what is leased, as STOP does."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
 """Services that STOP calls, all at once; each alone is enough to end motion and air of a campaign."""
 
@@ -95,7 +95,7 @@ class ConsoleNode(Node):
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
         cameras = read_cameras(self._settings.cameras or config_file("cameras.yaml"))
-        self._views = {name: View(cameras[name], marks) for name, marks in SEEN_BY.items() if name in cameras}
+        self._views = {name: MarkedView(cameras[name], marks) for name, marks in SEEN_BY.items() if name in cameras}
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
@@ -120,7 +120,7 @@ class ConsoleNode(Node):
     def call(self, action: str) -> tuple[bool, str]:
         """Call the service of an action and wait for its response (called from the server's threads)."""
         with self._lock:
-            self._stops += action in _ENDS
+            self._stops += action in ENDS_LEASED
             stops = self._stops
         with self._lease.taken() if action in LEASED else nullcontext():
             return self._call(action, ACTIONS[action], stops)

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
 from sandbot_common import messages, topics
+from sandbot_common.health import has_ended
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
 from sandbot_common.ros.node import PROCESS, subscription
@@ -156,7 +157,7 @@ class Hearing:
         """A phrase that names a watched vital node that fails; an empty string if there is none."""
         for sign in self._vital:
             # An orderly end is announced, and any other reported by the system, so neither needs to time out.
-            if (text := self.statuses.get(sign.who, NodeStatus()).text).startswith("ended: "):
+            if has_ended(text := self.statuses.get(sign.who, NodeStatus()).text):
                 return f"the {sign.who} {text}"
             if sign.who != RECORDER and (fault := self._neighbours.faults.get(sign.who)):
                 return f"the {sign.who} {fault}"

@@ -5,6 +5,7 @@ the console can.
 """
 
 import math
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,8 +24,6 @@ PRIORITY = 2
 RENEW_S = 0.02
 HEARD_S = 1.0
 """How long to wait until all obeying nodes have received the lease; it takes milliseconds unless one is frozen."""
-ANSWER_S = 10.0
-"""Longer than any call takes."""
 SETTLE_S = 1.0
 """For this long after the response, clock and bed may still report their earlier state."""
 
@@ -37,6 +36,7 @@ class PageLease:
 
     def __init__(self, ros: Node, needed: Callable[[], bool]) -> None:
         self._node, self._needed = ros, needed
+        self._lock, self._asking = threading.Lock(), 0
         self._until_s = -math.inf
         self._publisher: Publisher | None = None
         Timer(ros, RENEW_S, self._turn)
@@ -47,12 +47,18 @@ class PageLease:
         if self._publisher is None and self._node.count_publishers(topics.OPERATOR_LEASE.relative):
             yield  # a campaign commands, under its own lease
             return
-        self._until_s = time.monotonic() + ANSWER_S
+        self._count(+1)
         try:
             self._await_hearers()
             yield
         finally:
             self._until_s = time.monotonic() + SETTLE_S
+            self._count(-1)
+
+    def _count(self, more: int) -> None:
+        """Count the requests that await an answer: two pages may ask at once."""
+        with self._lock:
+            self._asking += more
 
     def _await_hearers(self) -> None:
         for _ in range(round(HEARD_S / RENEW_S)):
@@ -62,7 +68,7 @@ class PageLease:
                 return
 
     def _turn(self) -> None:
-        if time.monotonic() < self._until_s or (self._publisher is not None and self._needed()):
+        if self._asking or time.monotonic() < self._until_s or (self._publisher is not None and self._needed()):
             self._renew()
         elif self._publisher is not None:
             self._node.destroy_publisher(self._publisher)

@@ -18,6 +18,7 @@ from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 from sandbot_common.ros import node
+from sandbot_common.ros.timer import Timer
 from sandbot_tracking.calibration import read_cameras
 
 BODY_FRAME = "base_link"
@@ -45,7 +46,7 @@ class SceneNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower, best_effort=True)
         node.subscription(self, topics.BED_PHI, self._on_phi)
         node.subscription(self, topics.TRIAL, self._on_trial)
-        self.create_timer(1.0 / given.rate_hz, self._draw)
+        Timer(self, 1.0 / given.rate_hz, self._draw)
 
     def _draw(self) -> None:
         now_ns = int(self.get_clock().now().nanoseconds)

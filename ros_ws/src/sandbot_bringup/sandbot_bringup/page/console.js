@@ -156,7 +156,7 @@ function drawPacking(packing) {
     ["air pulses", {tickformat: "d", range: [-0.3, Math.max(5, ...pulses) + 0.5]}],
     ["volume fraction φ", {tickformat: ".4~f", range: limits([...points.map(p => p.phi), ...band], [0.57, 0.64], 0.004)}],
     {shapes, margin: {l: 60, r: 60, t: 8, b: 40},
-     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f", visible: points.length > 0,
+     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickmode: "auto", nticks: 6, tickformat: ".4~f", visible: points.length > 0,
                range: limits(points.map(p => 1000 * p.height_m), [0, 100])}}), options);
 }
 
@@ -342,7 +342,9 @@ function drawTrial(trial) {
 function drawSafety(state) {
   by("connection").textContent = "live";
   by("connection").className = "soft";
-  by("safety").textContent = state.safety.text;
+  document.body.classList.remove("old");
+  const held = state.campaign.state === "held" && state.campaign.age_s <= 5;
+  by("safety").textContent = held ? `campaign HELD until Go: ${state.safety.text}` : state.safety.text;
   by("safety").className = state.safety.state;
   by("acknowledge").hidden = state.safety.state !== "overlapped";
 }
@@ -377,6 +379,7 @@ async function keepDrawn() {
 keepDrawn();
 
 function lost() {
+  document.body.classList.add("old");
   by("connection").textContent = "connection lost; what is shown is old";
   by("connection").className = "lost";
   by("safety").textContent = "not known: the console does not answer";

@@ -28,6 +28,7 @@ from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml, parse_yaml
+from sandbot_common.parameters import specs
 from sandbot_common.terminal import filled
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_until(parser: argparse.ArgumentParser) -> None:
-    """Options of a campaign that ends with a verdict."""
+    """Options of a campaign that ends with a verdict: the plan's own keys, but that ``budget: 0`` is not typed."""
     parser.add_argument(
         "--until",
         choices=(VERDICT,),
@@ -156,31 +157,18 @@ def _add_until(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget", type=int, metavar="N", help="most trials (--until; default: as many as the grid has)"
     )
-    parser.add_argument(
-        "--alpha", type=float, help="probability of a false claim over all looks (--until; default: 0.02)"
-    )
-    parser.add_argument("--model", help="base model that the verdict is about (--until; default: simple)")
-    parser.add_argument(
-        "--bed-scatter",
-        type=float,
-        metavar="SHARE",
-        help="prior sd of the variation of k from batch to batch (--until; default: 0.007)",
-    )
-    parser.add_argument(
-        "--bed-drift",
-        type=float,
-        metavar="SHARE",
-        help="prior sd of the drift of k by the end (--until; default: 0.03)",
-    )
+    usual = {field.name: field.default for field in dataclasses.fields(Plan)}
+    for spec in specs(Plan):
+        if spec.name in VERDICT_KEYS and spec.name != "budget":
+            text = f"{spec.doc} (--until; default: {usual[spec.name]})"
+            metavar = "SHARE" if spec.name.startswith("bed_") else None
+            parser.add_argument(_flag(spec.name), type=spec.type, metavar=metavar, help=text)
 
 
 def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]:
-    if options.plan is None:
-        raise InputError("a plan is needed: campaign.yaml, or the folder of a campaign to resume (see campaign --help)")
     _check(options)
     beside = options.plan.parent
     options.plan = shipped(options.plan)
-    options.world = options.world and shipped(options.world)
     resumed = options.plan.is_dir()
     plan = read_plan(options.plan / "campaign.yaml" if resumed else options.plan)
     if options.images is not None:
@@ -201,7 +189,9 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Raises InputError for options that are out of range or would be ignored."""
+    """Raises InputError for options that are out of range or would be ignored, and without a plan."""
+    if options.plan is None:
+        raise InputError("a plan is needed: campaign.yaml, or the folder of a campaign to resume (see campaign --help)")
     if options.budget is not None and options.budget < 1:
         raise InputError(f"--budget {options.budget}: 1 or more trials are needed; leave it out for the whole grid")
     if not options.batch:
@@ -267,7 +257,7 @@ def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: 
 
     plan.bed_protocol.check_step(BED_STEP_S)
     check_cameras(load_yaml(files["cameras.yaml"]), plan.cameras or "cameras.yaml")
-    world = choose_world(folder, robot_of(files), options.world, options.hide)
+    world = choose_world(folder, robot_of(files), options.world and shipped(options.world), options.hide)
     check_film(world, files)
     return world
 

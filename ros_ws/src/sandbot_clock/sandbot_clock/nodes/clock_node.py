@@ -175,9 +175,11 @@ class ClockNode(Node):
             return f"a set-point was late by {late_s:.3g} s: the clock's process was held up"
         if self._air_on:
             return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
-        if self._robot.late(now_ns / NANO) == self._robot_there:
-            silent = f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
-            return silent if self._robot_there else "a robot came while the clock ran (/leg_states)"
+        silent = self._robot.late(now_ns / NANO)
+        if self._robot_there and silent:
+            return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
+        if not self._robot_there and not silent:
+            return "a robot came while the clock ran (/leg_states)"
         return self._rivals.fault() or self._command.lost()
 
     def _overrun(self, run_ns: int) -> str:

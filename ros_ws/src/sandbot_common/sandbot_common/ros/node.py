@@ -32,6 +32,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
+from sandbot_common.health import ending
 from sandbot_common.parameters import Spec, check, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
 from sandbot_common.ros.timer import Timer, end_timers
@@ -245,7 +246,7 @@ class Health:
 
     def _publish(self, figures: Mapping[str, object]) -> None:
         # Read after the figures are computed, as some nodes then set level and text.
-        level, text = (2, f"ended: {self.ended}") if self.ended else (self.level, self.text)
+        level, text = (2, ending(self.ended)) if self.ended else (self.level, self.text)
         values = {**figures, _SINCE: self._since_ns, PROCESS: self._process}
         now_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(messages.diagnostics(now_ns, self._node.get_name(), values, level=level, text=text))
@@ -428,7 +429,7 @@ class Stop:
         """Print one line about the reason, unless the terminal has been closed."""
         if self.why:
             with suppress(OSError):
-                print(f"{name}: ended: {self.why}", file=sys.stderr, flush=True)
+                print(f"{name}: {ending(self.why)}", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -88,12 +88,12 @@ class SerialLegs(Node):
         if not (moving or self._moving):
             # Set-points keep to the wall clock as it was when the walk began; the controller's time is never set.
             self._ahead_ns = self._host_clock.ahead_ns()
-        if not self._lapsed or not self._held:
-            self._held = angles
+        held = self._held if self._lapsed and self._held else angles
+        self._held = held
         self._moving, self._lapsed, self._why = moving, False, ""
         self._lease.renew(time.monotonic())
         self._commanded_ns, self._commanded = t_ns, angles
-        self._sent += self._say(t_ns, rates)
+        self._sent += self._say(t_ns, held, rates)
 
     def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
         """Why a set-point is not forwarded; an empty string if it is."""
@@ -131,13 +131,14 @@ class SerialLegs(Node):
             self._rest()
 
     def _rest(self) -> None:
-        self._moving = False
+        # The thread that hears them writes _held once they do not move.
+        held, self._moving = self._held, False
         # In the commander's time, as the system clock may have been changed since.
         silent_ns = round((time.monotonic() - self._lease.renewed_s) * 1e9)
-        self._say(self._commanded_ns + silent_ns, [0.0] * len(self._order))
+        self._say(self._commanded_ns + silent_ns, held, [0.0] * len(self._order))
 
-    def _say(self, t_ns: int, rates: Sequence[float]) -> bool:
-        return self._port.write(lines.encode("S", (t_ns - self._ahead_ns) // 1000, *map(float, (*self._held, *rates))))
+    def _say(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> bool:
+        return self._port.write(lines.encode("S", (t_ns - self._ahead_ns) // 1000, *map(float, (*angles, *rates))))
 
     def _heard(self, line: Line, received_ns: int) -> None:
         if line.kind == "W":

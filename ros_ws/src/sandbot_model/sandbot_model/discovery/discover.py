@@ -57,9 +57,9 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.unseen import Shift, largest_shift, unseen, without_nuisances
+from sandbot_model.discovery.unseen import Shift, equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import plainly_missed, to_run, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
+from sandbot_model.discovery.verdict import EXPLAINS_ALL, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -244,17 +244,18 @@ def _discovered(
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
     if rival:
-        reported = averaged_with(reported, rival)
         verdict = replace(verdict, because=f"{verdict.because} (standard errors of Δt and k cover both)")
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     shift = largest_shift(reported, hidden)
+    as_likely = {fit.effects: fit for fit in (*equally_simple(reported, hidden), *([rival] if rival else []))}
+    said = [shift.in_words(reported, covered=(shift.effect,) in as_likely)] if shift else []
+    reported = averaged_with(reported, list(as_likely.values()))
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
-    if shift:
-        verdict = replace(verdict, because=f"{verdict.because}; {shift.in_words(reported)}")
+    verdict = replace(verdict, because="; ".join((verdict.because, *said)))
     return Discovery(
         model=base,
         cells=cells,
@@ -292,7 +293,7 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
     search.run(0 if preset else max_effects, lambda size: nuisances_suffice(search, size))
     found = Shared(preset, search.fits, search.fits[()]) if preset else _judged(search)
     partial = None
-    if found.verdict.status in CLAIMS and admit_rivals(search, search.fits[found.verdict.effects]):
+    if found.verdict.status in EXPLAINS_ALL and admit_rivals(search, search.fits[found.verdict.effects]):
         found = _judged(search)
     found = _refused_for_a_formula(search, found) or found
     # One observable cannot distinguish conventions; without effects there are none.
@@ -305,7 +306,7 @@ def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects:
 def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
     """The verdict by the reported standard errors: where the local curvature overstates an error, an implausible value
     would pass as compatible with its plausible range."""
-    if found.verdict.status not in CLAIMS or sound(reported := _reported(search, found.named)[1]):
+    if found.verdict.status not in EXPLAINS_ALL or sound(reported := _reported(search, found.named)[1]):
         return found
     return Shared(refused_as_implausible(reported), search.fits, search.fits[()])
 
@@ -369,7 +370,7 @@ def _with_remarks(
 def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
     """The refusal of a claim that a formula outdoes. Tested for claims of several effects, of an effect under another
     convention (picked from dozens), or with nuisances; None for others, or where no formula is clearly better."""
-    if found.verdict.status not in CLAIMS:
+    if found.verdict.status not in EXPLAINS_ALL:
         return None
     picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
     if not picked and judge(search.fits, search.criteria).status != "unexplained":
@@ -413,7 +414,7 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
 def _is_conclusive(search: EffectSearch, found: Shared) -> bool:
     """Whether a verdict under other conventions may stand. A claim may not if it also needs flexible nuisances for more
     than a small part of the misfit, or if a formula outdoes it."""
-    if found.verdict.status not in CLAIMS:
+    if found.verdict.status not in EXPLAINS_ALL:
         return found.verdict.status != "unexplained"
     sets = found.verdict.alternatives
     needed = has_flexible_nuisances(found.named) and not all(

@@ -27,7 +27,7 @@ from sandbot_model.physics.gait import clock
 from sandbot_model.physics.observables import COLUMNS, Observable, shared_variance
 from sandbot_record.trials.table import Trials
 
-CLAIMS = ("identified", "partial", "ambiguous")
+NAMES_EFFECTS = ("identified", "partial", "ambiguous")
 """Verdicts that name effects."""
 CONFIDENCE = 0.95
 
@@ -102,7 +102,7 @@ def error_rates(
         statuses[verdict.status] += 1
         right = hidden in map(frozenset, verdict.alternatives) if hidden else verdict.status == "adequate"
         named += right
-        claimed += verdict.status in CLAIMS and not right
+        claimed += verdict.status in NAMES_EFFECTS and not right
         progress("simulated campaigns", done, campaigns)
     return ErrorRates(truth.effects, dict(statuses), Rate(named, campaigns), Rate(claimed, campaigns))
 

@@ -1,7 +1,7 @@
 """Nuisances of a fit, with their priors, and REML estimates of how far batches differ, linearised about the fit.
 
 ``nuisances_for`` builds them for given batch SDs; ``estimated_batch_sd`` finds these SDs; ``averaged_over_scatter``
-gives standard errors averaged over the posterior of σ_b, ``averaged_with`` over two models.
+gives standard errors averaged over the posterior of σ_b, ``averaged_with`` over several models.
 """
 
 from collections.abc import Sequence
@@ -131,19 +131,28 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     return with_sampled_errors(averaged, beside)
 
 
-def averaged_with(fit: Fit, other: Fit) -> Fit:
-    """The same fit with the rms errors about it of both models, each with its BIC weight: either may be true.
+def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
+    """The same fit with the rms errors about it of all models, each with its BIC weight: any of them may be true.
 
-    ``other`` has all parameters of the fit, and more.
+    Each of the ``others`` has all parameters of the fit.
     """
-    weight = bic_weights({fit.effects: fit, other.effects: other})[other.effects]
+    if not others:
+        return fit
+    weights = bic_weights({one.effects: one for one in (fit, *others)})
+    moments = weights[fit.effects] * fit.covariance
+    for other in others:
+        moments = moments + weights[other.effects] * _moments_about(fit, other)
+    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    return replace(fit, stderr=stderr, covariance=moments, sample=None)
+
+
+def _moments_about(fit: Fit, other: Fit) -> Array:
+    """Second moments of another model's unknowns about a fit's, for the unknowns of the fit."""
     names = list(other.model.names)
     own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
     there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
     away = np.where(np.isnan(fit.stderr + other.stderr[own]), 0.0, there[own] - here)
-    moments = (1.0 - weight) * fit.covariance + weight * (other.covariance[np.ix_(own, own)] + np.outer(away, away))
-    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
-    return replace(fit, stderr=stderr, covariance=moments, sample=None)
+    return np.asarray(other.covariance[np.ix_(own, own)] + np.outer(away, away))
 
 
 def _scatter_posterior(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:

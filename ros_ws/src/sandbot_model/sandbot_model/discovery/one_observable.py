@@ -7,7 +7,7 @@ import numpy as np
 
 from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.smooth import smooth_gain
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict
+from sandbot_model.discovery.verdict import EXPLAINS_ALL, Sets, Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import Observable
 
@@ -16,7 +16,7 @@ def refused_from_one_observable(verdict: Verdict, fits: Sets) -> Verdict | None:
     """The refusal of a claim if only one observable was measured, and either a smooth discrepancy explains as much or
     the claim needs a bed that scatters between conditions; else None."""
     base = fits[()]
-    if verdict.status not in CLAIMS or len(base.cells.observables) != 1:
+    if verdict.status not in EXPLAINS_ALL or len(base.cells.observables) != 1:
         return None
     seen, named = Observable[base.cells.observables[0]], fits[verdict.effects]
     why = _smooth_does_as_well(base, named, seen) or _needs_a_scattering_bed(named, seen)

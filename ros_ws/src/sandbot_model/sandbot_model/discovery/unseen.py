@@ -21,23 +21,35 @@ class Shift:
     """The effect's parameters, held at their usual values, by full name."""
     delta_t_s: float
 
-    def in_words(self, named: Fit) -> str:
-        """Both values, rounded to the error of the reported one."""
+    def in_words(self, named: Fit, *, covered: bool) -> str:
+        """Both values, rounded to the error of the reported one, and whether its error as printed covers both."""
         held = ", ".join(f"{name.partition('.')[2]} = {value:g}" for name, value in self.parameters.items())
         there, (here, stderr) = self.delta_t_s, named.parameters[RESPONSE_TIME]
         given = f"{self.effect} ({held})" if held else self.effect
-        return f"if {given} is there, Δt is {to_error(there, stderr)} s, not {to_error(here, stderr)} s"
+        both = f"if {given} is there, Δt is {to_error(there, stderr)} s, not {to_error(here, stderr)} s"
+        return f"{both} (its standard error covers both)" if covered else both
 
 
 def largest_shift(reported: Fit, hidden: Sequence[Fit]) -> Shift | None:
     """Of the effects that these fits hold, the one that would shift Δt most; None if none does by ``SHIFTS`` of its
     reported errors."""
-    value, stderr = reported.parameters[RESPONSE_TIME]
-    by = {fit: abs(fit.parameters[RESPONSE_TIME].value - value) for fit in hidden}
-    most = max(hidden, key=by.__getitem__, default=None)
-    if most is None or not by[most] > SHIFTS * stderr:
+    value, _ = reported.parameters[RESPONSE_TIME]
+    most = max(hidden, key=lambda fit: abs(fit.parameters[RESPONSE_TIME].value - value), default=None)
+    if most is None or not _is_shifted(reported, most):
         return None
     return Shift(most.effects[0], dict(most.model.held), most.parameters[RESPONSE_TIME].value)
+
+
+def equally_simple(reported: Fit, hidden: Sequence[Fit]) -> list[Fit]:
+    """Of the effects that these fits hold, those without a parameter that would shift Δt by ``SHIFTS`` errors: another
+    formula in place of one of the model's, which nothing prefers to it but the data."""
+    return [fit for fit in hidden if not fit.model.held and _is_shifted(reported, fit)]
+
+
+def _is_shifted(reported: Fit, hidden: Fit) -> bool:
+    """Whether an effect would shift Δt by ``SHIFTS`` of its reported errors."""
+    value, stderr = reported.parameters[RESPONSE_TIME]
+    return abs(hidden.parameters[RESPONSE_TIME].value - value) > SHIFTS * stderr
 
 
 def unseen(search: EffectSearch, named: Fit) -> list[Fit]:

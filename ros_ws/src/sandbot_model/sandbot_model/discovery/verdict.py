@@ -28,7 +28,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.variants import VARIANTS
 
 RESPONSE_TIME = "delta_t_s"
-CLAIMS = ("identified", "ambiguous")
+EXPLAINS_ALL = ("identified", "ambiguous")
 """Statuses by which effects of the catalogue explain all data."""
 CONVENTION_COUNT = sum(map(len, VARIANTS.values()))
 """Number of other conventions from which one is selected."""

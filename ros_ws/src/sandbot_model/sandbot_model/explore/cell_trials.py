@@ -1,6 +1,5 @@
 """The trials of a cell on the page: a table, waveforms with the model's, tracked video, links to bags."""
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +14,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import waveforms
 from sandbot_model.report.theme import Theme
-from sandbot_record.trials.film_strip import Strip, film_strip
+from sandbot_record.trials import film_strip
 from sandbot_record.trials.table import Trials
 
 COLUMNS = (
@@ -86,9 +85,5 @@ def _cell(value: Any, scale: float) -> str:
 
 @lru_cache(maxsize=16)
 def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
-    """Tracked lateral frames of one bag as (JPEG, caption); empty if no frames were stored."""
-    with tempfile.TemporaryDirectory() as folder:
-        # ``film_strip`` takes folders of bags.
-        (Path(folder) / bag.name).symlink_to(bag.resolve(), target_is_directory=bag.is_dir())
-        strip: Strip = film_strip(Path(folder))
-    return tuple(strip)
+    """Tracked lateral frames of one bag as (JPEG, caption); empty if no frames were stored. Raises InputError."""
+    return tuple(film_strip.of_bag(bag))

@@ -26,10 +26,8 @@ INK, SOFT, GRID, NEW, PAPER, BED = (
     (220, 231, 236),
 )
 """Colours as (blue, green, red), as in OpenCV."""
-PX_PER_CM = 17.0
-GROUND = 190
-"""Pixel row of the surface in the picture of the legs."""
-ARC_DEG = 225
+BODY = 1.8
+"""Half the length of the body as drawn, in leg radii."""
 
 
 def write_clip(path: Path, scene: Scene, film: Film | None) -> None:
@@ -64,18 +62,22 @@ def _film_at(film: Film, t: float) -> Pixels:
 def legs_at(scene: Scene, t: float) -> Pixels:
     """The body and one leg of each tripod by the model; a leg is coloured while it holds."""
     i = int(np.argmin(np.abs(scene.waveform.leg_time_s - t)))
+    half, above, below = scene.frame
+    radius = int(min(LEG_WIDTH / (2 * half), HEIGHT / (above + below)))
+    px_per_m, surface = radius / scene.radius_m, round(HEIGHT / 2 + radius * (above - below) / 2)
     picture: Pixels = np.full((HEIGHT, LEG_WIDTH, 3), PAPER, dtype=np.uint8)
-    picture[GROUND:] = BED
-    hip = LEG_WIDTH // 2, round(GROUND - PX_PER_CM * CM * float(scene.axle_m[i]))
-    belly, radius = round(PX_PER_CM * CM * scene.axle_height_m), round(PX_PER_CM * CM * scene.radius_m)
-    cv2.rectangle(picture, (hip[0] - 110, hip[1] - belly // 4), (hip[0] + 110, hip[1] + belly), SOFT, 2, cv2.LINE_AA)
+    picture[surface:] = BED
+    hip = LEG_WIDTH // 2, round(surface - px_per_m * float(scene.axle_m[i]))
+    belly, side = round(px_per_m * scene.axle_height_m), round(BODY * radius)
+    cv2.rectangle(picture, (hip[0] - side, hip[1] - belly // 4), (hip[0] + side, hip[1] + belly), SOFT, 2, cv2.LINE_AA)
+    arc_deg = float(np.degrees(scene.arc_rad))
     for turned, holds in zip(scene.turned[i], scene.holds[i], strict=True):
         centre = round(hip[0] - radius * np.sin(turned)), round(hip[1] + radius * np.cos(turned))
         begin = float(np.degrees(turned)) - 90.0
         colour = NEW if holds else INK
-        cv2.ellipse(picture, centre, (radius, radius), begin, 0, ARC_DEG, colour, 6 if holds else 3, cv2.LINE_AA)
+        cv2.ellipse(picture, centre, (radius, radius), begin, 0, arc_deg, colour, 6 if holds else 3, cv2.LINE_AA)
     cv2.circle(picture, hip, 6, INK, -1, cv2.LINE_AA)
-    cv2.line(picture, (0, GROUND), (LEG_WIDTH, GROUND), INK, 2, cv2.LINE_AA)
+    cv2.line(picture, (0, surface), (LEG_WIDTH, surface), INK, 2, cv2.LINE_AA)
     return picture
 
 

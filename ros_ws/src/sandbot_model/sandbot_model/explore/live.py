@@ -7,7 +7,8 @@ import hashlib
 import json
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ MAX_BYTES = 50_000_000
 MAX_NAME = 60
 """Characters kept of its name: at most four bytes each, and file systems allow 255 bytes."""
 Make = Callable[[Path | None], Flask]
-"""(dropped table) → a server for the current data, with that table as second data set. Raises InputError."""
+"""(dropped table) → a server for the current data, with that table as second data set, and for its own page only (see
+``loopback``). Raises InputError."""
 
 
 class Live:
@@ -49,44 +51,43 @@ class Live:
 
     def look(self) -> bool:
         """Reload the data if the folders have changed; False if they have not, or can't be used yet."""
-        seen = completed_recordings(self._campaigns)
-        if seen == self._seen:
-            return False
         try:
+            seen = completed_recordings(self._campaigns)
+            if seen == self._seen:
+                return False
             self._replace()
         except InputError:
             # A bag is still being written, or none can be used yet: the next check tries again.
             return False
         except Exception as error:  # nothing else reports failures in this thread
             traceback.print_exception(error)
+            return False
         self._seen = seen
         return True
 
     def drop(self) -> Response:
         """Use a table sent by the page as second data set, or refuse it with a one-line reason."""
-        if request.headers.get("Origin") not in (None, f"http://{request.host}"):
-            return Response("only this page may send a table", 403, mimetype="text/plain")
-        name = Path(request.args.get("name", "table.csv")).name
-        content = request.get_data(cache=False)
-        if len(content) > MAX_BYTES or Path(name).suffix.lower() != ".csv":
+        name, size = Path(request.args.get("name", "table.csv")).name, request.content_length
+        if size is None or size > MAX_BYTES or Path(name).suffix.lower() != ".csv":
             return Response(f"{name}: a trials CSV of at most 50 MB is needed", 400, mimetype="text/plain")
+        content = request.get_data(cache=False)
         path = self._folder / hashlib.sha256(content).hexdigest()[:16] / _stored(name)
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
-        before, self._dropped = self._dropped, path
         try:
-            self._replace()
+            self._replace(path)
         except InputError as error:
-            self._dropped = before
             message = str(error).replace(f"{path.parent}/", "").removeprefix("--beside ")
             return Response(message, 400, mimetype="text/plain")
         return Response("", 204)
 
-    def _replace(self) -> None:
+    def _replace(self, dropped: Path | None = None) -> None:
+        """Serve the current data, beside the present dropped table if no new one is given; unchanged on any error."""
         with self._lock:
-            made = self._make(self._dropped)
+            dropped = dropped or self._dropped
+            made = self._make(dropped)
             self._version += 1
-            self._server = self._prepared(made)
+            self._dropped, self._server = dropped, self._prepared(made)
 
     def _prepared(self, server: Flask) -> Flask:
         state = json.dumps({"version": self._version, "follows": bool(self._campaigns)})
@@ -102,6 +103,11 @@ def _stored(name: str) -> str:
 
 
 def completed_recordings(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:
-    """The completed recordings of campaigns, with their modification times."""
-    done = (path for folder in campaigns for path in (folder / "trials").glob("[!.]*/metadata.yaml"))
-    return frozenset((str(path), path.stat().st_mtime_ns) for path in done)
+    """The completed recordings of campaigns, with their modification times [ns]."""
+    return frozenset(recording for folder in campaigns for recording in _completed(folder))
+
+
+def _completed(campaign: Path) -> Iterator[tuple[str, int]]:
+    for path in (campaign / "trials").glob("[!.]*/metadata.yaml"):
+        with suppress(FileNotFoundError):  # a bag that the campaign is moving away
+            yield str(path), path.stat().st_mtime_ns

@@ -26,6 +26,8 @@ BED = {"height_m": (topics.BED_HEIGHT.name, "range"), "blower": (topics.BED_BLOW
 """Quantities of the bed → (topic, field)."""
 MAX_POINTS = 600
 """Most points kept of a bed record."""
+MARGIN = 0.1
+"""Free space around the picture of the legs, in leg radii."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,8 @@ class Scene:
     """Largest leg angle in stance by the model; 0 where it swims."""
     radius_m: float
     axle_height_m: float
+    arc_rad: float
+    """Arc of a c-leg, from the hip to the tip."""
     bed: Mapping[str, tuple[Floats, Floats]]
     """(times [s], values) of each recorded quantity of the bed."""
     tripods: tuple[int, int]
@@ -59,6 +63,12 @@ class Scene:
         """Height of the axle above the surface by the model, (m,): on a leg that holds, or with the belly down."""
         above = self.radius_m * (np.cos(self.turned) - np.cos(self.reach_rad))
         return np.asarray(self.axle_height_m + np.where(self.holds, above, 0.0).max(axis=1, initial=0.0))
+
+    @property
+    def frame(self) -> tuple[float, float, float]:
+        """Half the width of a picture of the legs, and its height above and below the surface [leg radii]."""
+        belly, highest = self.axle_height_m / self.radius_m, float(self.axle_m.max()) / self.radius_m
+        return 2.0 + 5 * MARGIN, highest + 2.0 + MARGIN, 2.0 - belly + MARGIN
 
     @property
     def holds(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -102,7 +112,8 @@ def scene_of(trials: Trials, bags: Mapping[str, Path], fit: Fit, trial_id: str) 
     return Scene(
         shown, cell, model,
         0.0 if swims else float(stance_angle(step_from_lift(lift, robot.leg_radius_m), robot.leg_radius_m)),
-        robot.leg_radius_m, robot.axle_height_m, _bed(bags[trial_id]), (0, robot.legs_per_tripod),
+        robot.leg_radius_m, robot.axle_height_m, np.pi + robot.arc_excess_rad, _bed(bags[trial_id]),
+        (0, robot.legs_per_tripod),
     )  # fmt: skip
 
 

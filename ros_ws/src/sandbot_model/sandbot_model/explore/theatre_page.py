@@ -13,12 +13,12 @@ from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
 from sandbot_model.explore.requested import held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
 from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session
-from sandbot_model.physics.observables import CM
 from sandbot_model.report import waveforms
 from sandbot_model.report.page import for_script, source
 from sandbot_model.report.theme import THEMES
@@ -49,14 +49,16 @@ FIGURE = """<figure><div class="scroll" tabindex="0" role="group" aria-labelledb
 <div class="plot" id="plot-{name}"></div>{cursor}</div></div>
 <figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
 </figure>"""
-LEG = """<svg class="leg" viewBox="-9 -11 18 16" role="img" aria-label="The model's legs: coloured while they hold">
-<rect x="-9" y="0" width="18" height="5" class="bed"/><g id="ground">{stones}</g>
-<path d="M-9 0 H9" class="surface"/>
-<g id="robot"><rect class="body" x="-6.5" y="{top}" width="13" height="{belly}" rx="0.6"/>
-<path id="leg-0" class="arc" d="{arc}"/><path id="leg-1" class="arc second" d="{arc}"/><circle r="0.3"/></g></svg>"""
-ARC_RAD = 3.927
-"""225°, from the hip via the front to the tip."""
-BUTTONS = ("svg", "png", "csv")
+LEG = """<svg class="leg" viewBox="{left:.3f} {top:.3f} {width:.3f} {height:.3f}" role="img"
+aria-label="The model's legs: coloured while they hold">
+<rect x="{left:.3f}" y="0" width="{width:.3f}" height="{below:.3f}" class="bed"/>
+<g id="ground" data-period="{period}">{stones}</g>
+<path d="M{left:.3f} 0 h{width:.3f}" class="surface"/>
+<g id="robot"><rect class="body" x="-1.8" y="{roof:.3f}" width="3.6" height="{body:.3f}" rx="0.17"/>
+<path id="leg-0" class="arc" d="{arc}"/><path id="leg-1" class="arc second" d="{arc}"/><circle r="0.085"/></g></svg>"""
+"""In leg radii, with the hip of the robot's group at the origin."""
+STONES, PERIOD = ((0.0, 0.2), (0.4, 0.62), (0.76, 0.37), (0.23, 1.0), (0.9, 1.2)), 1.12
+"""Places of stones in the ground, and the distance after which they repeat [leg radii]."""
 
 
 class TheatrePage:
@@ -166,25 +168,23 @@ def _screen(trial: str) -> str:
 
 
 def _leg(scene: Scene) -> str:
-    """SVG of the robot from the side, its hip at the origin."""
-    radius, belly = CM * scene.radius_m, CM * scene.axle_height_m
-    tip = radius * sin(ARC_RAD), radius - radius * cos(ARC_RAD)
-    arc = f"M0 0 A{radius:.2f} {radius:.2f} 0 1 1 {tip[0]:.3f} {tip[1]:.3f}"
+    """SVG of the robot from the side."""
+    half, above, below = scene.frame
+    belly = scene.axle_height_m / scene.radius_m
     stones = "".join(
-        f'<circle class="stone" cx="{x}" cy="{y}" r="0.16"/>'
-        for x, y in (
-            (4 * n + dx, y)
-            for n in range(-3, 4)
-            for dx, y in ((0, 0.7), (1.4, 2.2), (2.7, 1.3), (0.8, 3.6), (3.2, 4.2))
-        )
+        f'<circle class="stone" cx="{PERIOD * n + x:.3f}" cy="{y}" r="0.045"/>' for n in range(-3, 4) for x, y in STONES
     )
-    return LEG.format(arc=arc, stones=stones, top=-0.25 * belly, belly=1.25 * belly)
+    return LEG.format(
+        left=-half, top=-above, width=2 * half, height=above + below, below=below, roof=-0.25 * belly,
+        body=1.25 * belly, stones=stones, period=PERIOD,
+        arc=f"M0 0 A1 1 0 1 1 {sin(scene.arc_rad):.4f} {1 - cos(scene.arc_rad):.4f}",
+    )  # fmt: skip
 
 
 def _figure(name: str, says: str, cursor: str = "") -> str:
     buttons = " ".join(
         f'<button type="button" data-figure="{name}" data-format="{kind}" aria-label="Save figure {name} as '
         f'{kind.upper()}">{kind.upper()}</button>'
-        for kind in BUTTONS
+        for kind in FORMATS
     )
     return FIGURE.format(name=name, says=escape(says), cursor=cursor, buttons=buttons)

@@ -11,6 +11,7 @@ from sandbot_model.fitting import kernels
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
+from sandbot_model.fitting.states import STEP, parameter_steps
 from sandbot_model.fitting.switch import Switches, add_switch_slopes, share_of_nodes, switches_of
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.averaging import (
@@ -27,8 +28,6 @@ from sandbot_model.physics.walking import Footing, KCurve
 
 LEAST_SPREAD = 1e-3
 """Least σ_k/k averaged over: no bed is perfectly uniform, and a switch must not be a cliff to a fit."""
-STEP = 1e-5
-"""Relative step of the derivatives."""
 DEPTH_STEP_M = 1e-8
 FAR = 20.0
 """Clip of an offset of ln k, beyond any bed's: a step that reaches it is rejected for its deviance."""
@@ -147,7 +146,7 @@ class CellMeans:
         rows, count = theta.shape
         here, _ = self._points(theta, ln_k, slope, moved)
         found = self._switches(here, feet, self._independent(self._effective_replicates(ln_k, slope)))
-        step = STEP * np.maximum(np.abs(theta), 1e-3)
+        step = parameter_steps(theta)
         # First axis: each parameter, ln k, depth, and the point itself.
         theta = np.repeat(theta[None], count + 3, axis=0)
         theta[np.arange(count), :, np.arange(count)] += step.T

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.fitted import TOO_STEEP
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.profile import determined, profile, state_of_fit
 from sandbot_model.fitting.sample import SEED, moments, posterior_points
@@ -22,8 +23,6 @@ FAR = 2.0
 """Standard errors from the fit at which the rise of the deviance is compared with a parabola's."""
 TOO_FLAT = 2.0
 """Factor by which the rise may fall short of a parabola's."""
-TOO_STEEP = 4.0
-"""Factor by which it may exceed a parabola's; beyond it there is a cliff."""
 POINTS = 48
 """Points of the sample that are kept for predictions: these give a standard deviation to 10 %."""
 

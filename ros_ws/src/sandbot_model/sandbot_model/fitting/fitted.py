@@ -31,7 +31,7 @@ from sandbot_model.physics.walking import KCurve, Prediction
 PARTS = 0.5 ** np.arange(8)
 """Parts of a standard deviation that are tried as a step (``Fitted.uncertainty``)."""
 TOO_STEEP = 4.0
-"""Factor by which the deviance may rise beyond a parabola's on it."""
+"""Factor by which the rise of the deviance may exceed a parabola's; beyond it there is a cliff."""
 CLIFF = 4.0
 """Rise beyond a parabola's, that of two standard deviations, behind which a switch is still likely."""
 

@@ -3,11 +3,8 @@
 import numpy as np
 
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.states import States
+from sandbot_model.fitting.states import STEP, States, parameter_steps
 from sandbot_model.physics.arrays import Array
-
-STEP = 1e-5
-"""Relative step of the derivatives."""
 
 
 def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
@@ -73,7 +70,7 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
     readings = problem.cells.pressed
     if readings is None:
         return np.zeros((rows, 0, count + states.ln_k.shape[1]))
-    step = STEP * np.maximum(np.abs(states.theta), 1e-3)
+    step = parameter_steps(states.theta)
     # Blocks: each parameter moved, then ln k, then nothing.
     theta, ln_k, slope = (
         np.repeat(part[None], count + 2, axis=0) for part in (states.theta, states.ln_k, states.slope)

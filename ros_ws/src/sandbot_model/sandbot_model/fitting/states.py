@@ -10,6 +10,14 @@ import numpy as np
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.walking import Footing
 
+STEP = 1e-5
+"""Step of ln k in the derivatives."""
+
+
+def parameter_steps(theta: Array) -> Array:
+    """Steps of the parameters in the derivatives, relative but never 0; of the shape and in the units of ``theta``."""
+    return STEP * np.maximum(np.abs(theta), 1e-3)
+
 
 @dataclass(frozen=True, eq=False)
 class States:

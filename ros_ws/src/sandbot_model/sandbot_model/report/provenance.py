@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import base_name
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.quality import checked
 from sandbot_model.physics.gait import assumption
@@ -21,8 +22,7 @@ def bags_of(data: Sequence[Path]) -> dict[str, Path]:
     bags: list[Path] = []
     for path in data:
         bags += [path] if is_bag(path) else table.bags_in(path)
-    # Trial names contain dots (phi0.6000_…): only a file has a suffix to strip.
-    return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
+    return {base_name(bag): bag for bag in bags}
 
 
 def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str], ...]:

@@ -26,14 +26,16 @@
 
   function moveLeg(t) {
     const i = nearest(scene.legTime, t);
-    const axle = scene.axle[i];
+    const axle = scene.axle[i] / scene.radius; // the picture is in leg radii
     byId("robot").setAttribute("transform", `translate(0 ${-axle})`);
     scene.legs.forEach((angles, leg) => {
       const part = byId(`leg-${leg}`);
       part.setAttribute("transform", `rotate(${(angles[i] * 180) / Math.PI})`);
       part.classList.toggle("holds", scene.holds[leg][i]);
     });
-    byId("ground").setAttribute("transform", `translate(${-(walked[nearest(scene.time, t)] % 4)} 0)`);
+    const ground = byId("ground");
+    const passed = (walked[nearest(scene.time, t)] / scene.radius) % Number(ground.dataset.period);
+    ground.setAttribute("transform", `translate(${-passed} 0)`);
     return i;
   }
 

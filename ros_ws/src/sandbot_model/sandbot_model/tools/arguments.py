@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
+from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.discovery.criteria import Criteria, of_bed
+from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, assumption
 from sandbot_model.physics.walking import BASES
 
@@ -30,6 +31,7 @@ NO_ROBOT = "robot: not given, SandBot is assumed"
 if TYPE_CHECKING:
     from sandbot_model.data.conditions import Cells
     from sandbot_model.data.penetrometer import Readings
+    from sandbot_model.discovery.compare import Comparison
     from sandbot_model.fitting.parallel import Map
     from sandbot_record.trials.table import Trials
 
@@ -63,6 +65,11 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
     parser.add_argument("--verbose", "-v", action="store_true", help="print every effect tried and every miss")
+
+
+def title(args: argparse.Namespace) -> str:
+    """``--title``, else the name of DATA."""
+    return args.title or base_name(args.data[0])
 
 
 def check_report(args: argparse.Namespace) -> None:
@@ -104,13 +111,14 @@ def add_bed(parser: Parser) -> None:
         "--bed-scatter",
         type=float,
         metavar="SHARE",
-        help="sd by which k may differ from batch to batch, a prior (default: 0.007, a bed's 0.3 to 1 %%)",
+        help="prior sd of the variation of k from batch to batch "
+        f"(default: {DEFAULT.bed_scatter:g}; beds have 0.003 to 0.01)",
     )
     parser.add_argument(
         "--bed-drift",
         type=float,
         metavar="SHARE",
-        help="sd by which k may have drifted at the end of a campaign, a prior (default: 0.03)",
+        help=f"prior sd of the drift of k by the end of a campaign (default: {DEFAULT.drift:g})",
     )
 
 
@@ -137,6 +145,17 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
     return found, "robot: as in the bags" if found.robot else f"{NO_ROBOT} (--robot FILE.yaml names another)"
+
+
+def ladder(args: argparse.Namespace) -> "tuple[Trials, str, Comparison]":
+    """As ``trials``, and the ladder of the selected model fitted to them. Raises InputError."""
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.discovery.reproduce import steps_of
+    from sandbot_model.physics.catalogue import catalogue
+
+    effects = catalogue(args.effects_from, tuple(args.effect))
+    found, line = trials(args)
+    return found, line, steps_of(selection(args), cells_of(found), effects)
 
 
 def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:

@@ -64,16 +64,10 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
 
 
 def _material(args: argparse.Namespace) -> "Material":
-    from sandbot_model.data.conditions import cells_of
-    from sandbot_model.discovery.reproduce import steps_of
-    from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.report.atlas.collect import collect
     from sandbot_model.report.provenance import bags_of
 
-    effects = catalogue(args.effects_from, tuple(args.effect))
-    trials, robot_line = arguments.trials(args)
-    cells = cells_of(trials.select(trials.usable))
-    steps = steps_of(arguments.selection(args), cells, effects)
+    trials, robot_line, steps = arguments.ladder(args)
     beside = None if args.beside is None else _published(args.beside)
     print(robot_line)
     return collect(trials, steps, bags_of(args.data), beside)

@@ -120,7 +120,7 @@ def _write_report(args: argparse.Namespace, steps: "Comparison", trials: "Trials
 
     frames = film_strip(args.data[0])
     with writing(args.html):
-        title = args.title or args.data[0].stem
+        title = arguments.title(args)
         write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
 
 

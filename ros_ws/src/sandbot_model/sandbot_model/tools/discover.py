@@ -38,6 +38,9 @@ def _discover(argv: Sequence[str]) -> None:
     arguments.add_catalogue(parser)
     parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
     parser.add_argument(
+        "--next", type=cli.output, metavar="OUT.csv", help="write the next trials as a table to fill in and give back"
+    )
+    parser.add_argument(
         "--calibrate",
         type=int,
         nargs="?",
@@ -54,6 +57,8 @@ def _discover(argv: Sequence[str]) -> None:
         raise InputError(f"--calibrate {args.calibrate}: 1 or more campaigns are needed")
     arguments.check_report(args)
     arguments.criteria(args)
+    if args.next is not None and args.next.exists():
+        raise InputError(f"--next {args.next}: is there already, perhaps filled in; give another name")
     _run(args, arguments.fitters(args))
 
 
@@ -91,6 +96,10 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     if rates:
         print()
         print(filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
+    if args.next is not None:
+        from sandbot_model.tools.trials_to_run import write_trials_to_run
+
+        print("\n" + filled(write_trials_to_run(found.next_trials, found.cells.trials, args.next)))
     if args.json is not None:
         content = found.to_dict()
         content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
@@ -103,7 +112,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         frames = film_strip(args.data[0])
         with writing(args.html):
             write_report(
-                args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data,
+                args.html, found, trials, title=arguments.title(args), frames=frames, data=args.data,
                 command=args.typed,
             )  # fmt: skip
 

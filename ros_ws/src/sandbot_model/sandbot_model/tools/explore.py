@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NoReturn
 from sandbot_common import cli
 from sandbot_common.crew import count
 from sandbot_common.errors import InputError
+from sandbot_common.files import base_name
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
@@ -76,8 +77,9 @@ def _explore(argv: Sequence[str]) -> None:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
     arguments.criteria(args)
     query = to_query(_initial_selection(args))
-    title = args.title or args.data[0].resolve().stem
+    title = arguments.title(args)
     arguments.check_setting(args)
+    _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
@@ -137,7 +139,7 @@ class _Servers:
         beside = None
         if (path := dropped or args.beside) is not None:
             other = cells_of(arguments.beside(args, trials, path))
-            beside = Beside(Session(other, self._workers, **own), path.resolve().stem)
+            beside = Beside(Session(other, self._workers, **own), base_name(path))
         session = Session(cells, self._workers, **own)
         session.catalogue()
         # Workers are forked here, before the server has threads, and inherit the user's effects.
@@ -159,6 +161,15 @@ def _lower_priority() -> None:
     os.nice(NICE)
 
 
+def _listen(port: int) -> socket.socket:
+    from sandbot_model.explore.loopback import HOST
+
+    try:
+        return socket.create_server((HOST, port))
+    except OSError as error:
+        raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
+
+
 def _serve(servers: _Servers, first: "Flask", campaigns: Sequence[Path], robot_line: str) -> None:
     from werkzeug.serving import make_server
 
@@ -166,11 +177,7 @@ def _serve(servers: _Servers, first: "Flask", campaigns: Sequence[Path], robot_l
     from sandbot_model.explore.loopback import HOST
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    port = servers.args.port
-    try:
-        listening = socket.create_server((HOST, port))
-    except OSError as error:
-        raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
+    listening = _listen(servers.args.port)
     port = listening.getsockname()[1]
     ended = threading.Event()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as dropped:

@@ -3,15 +3,10 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_model.tools import arguments
-
-if TYPE_CHECKING:
-    from sandbot_model.fitting.fit import Fit
-    from sandbot_record.trials.table import Trials
 
 KINDS = (".rrd", ".mp4")
 
@@ -43,7 +38,7 @@ def _export(argv: Sequence[str]) -> None:
 
 
 def _write(args: argparse.Namespace) -> None:
-    from sandbot_common.files import whole_file
+    from sandbot_common.files import whole_file, writing
     from sandbot_model.explore.clip import write_clip
     from sandbot_model.explore.rrd import write_rrd
     from sandbot_model.explore.scene import scene_of
@@ -51,27 +46,19 @@ def _write(args: argparse.Namespace) -> None:
     from sandbot_record.bags.reader import Bag
     from sandbot_record.trials.film import film_of
 
-    trials, robot_line = arguments.trials(args)
+    trials, robot_line, steps = arguments.ladder(args)
     bags = bags_of(args.data)
-    scene = scene_of(trials, bags, _fitted(args, trials), args.trial)
+    scene = scene_of(trials, bags, steps[-1], args.trial)
     bag = Bag.open(bags[args.trial])
     film = film_of(bag)
     print(robot_line)
-    if args.out.suffix == ".rrd":
-        write_rrd(args.out, scene, bag, film)
-    else:
-        with whole_file(args.out) as part:
-            write_clip(part, scene, film)
+    with writing(args.out):
+        if args.out.suffix == ".rrd":
+            write_rrd(args.out, scene, bag, film)
+        else:
+            with whole_file(args.out) as part:
+                write_clip(part, scene, film)
     print(f"export: {args.out}" + ("" if film else " (its bag kept no frames: without film)"))
-
-
-def _fitted(args: argparse.Namespace, trials: "Trials") -> "Fit":
-    from sandbot_model.data.conditions import cells_of
-    from sandbot_model.discovery.reproduce import steps_of
-    from sandbot_model.physics.catalogue import catalogue
-
-    effects = catalogue(args.effects_from, tuple(args.effect))
-    return steps_of(arguments.selection(args), cells_of(trials), effects)[-1]
 
 
 def _either() -> str:

@@ -138,7 +138,7 @@ class Recording:
         definition: str | None = None,
         type_hash: str | None = None,
     ) -> None:
-        """Queue the registration of a topic for the writer thread, ahead of its messages."""
+        """Queue the registration of a topic for the writer thread, ahead of its messages; no effect the second time."""
         self.tallies.setdefault(name, Tally())
         written = name
         if type_name == frames.RAW:
@@ -162,9 +162,10 @@ class Recording:
         if self._images == "jpeg":
             self._convert[name] = frames.to_jpeg
             return frames.compressed_name(name), frames.JPEG
-        file = VideoFile(self._writer.folder / video.file_name(name), self._codec)
-        self._videos.append(file)
-        self._convert[name] = file.add
+        if name not in self._convert:
+            file = VideoFile(self._writer.folder / video.file_name(name), self._codec)
+            self._videos.append(file)
+            self._convert[name] = file.add
         return video.index_name(name), video.INDEX
 
     def put(self, message: Received, *, sole_publisher: bool = True) -> None:
@@ -337,8 +338,6 @@ class Recording:
         if now_s - self._flushed_s >= self._flush_period_s:
             self._flushed_s = now_s
             self._writer.flush()
-            for file in self._videos:
-                file.check()
             self._check_free()
         return now_s
 

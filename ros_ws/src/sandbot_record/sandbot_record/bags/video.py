@@ -4,8 +4,9 @@
 the frame's place in the video, source = file name and the CRC-32 of the frame's pixels. The CRC links the two reliably:
 a frame that was damaged, lost or shifted can't be mistaken for another.
 
-Both codecs are lossless for mono8 pixels (HFYU and MJPG of these wheels are not). The container is AVI because a killed
-writer leaves every frame but the last one or two readable; Matroska loses up to 5 MB.
+Both codecs are lossless for mono8 pixels (HFYU and MJPG of these wheels are not). The container is AVI because it is
+readable without the end that a killed writer never wrote; each frame is in the file before its index message is.
+PyAV writes it, as OpenCV's writer does not tell that the disk is full.
 """
 
 import contextlib
@@ -15,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -24,9 +25,11 @@ from sandbot_record.bags import frames, interfaces
 from sandbot_record.bags.frames import Pixels
 from sandbot_record.bags.metadata import TopicInfo
 
-# OpenCV is imported with the first frame: most bags have no video.
+# PyAV and OpenCV are imported with the first frame: most bags have no video.
 if TYPE_CHECKING:
     import cv2
+    from av.container import OutputContainer
+    from av.video.stream import VideoStream
 
 INDEX = "sensor_msgs/msg/TimeReference"
 _SUFFIX = "/video"
@@ -35,8 +38,6 @@ RATE_HZ = 100
 CODECS = MappingProxyType({"rawvideo": "GREY", "ffv1": "FFV1"})
 """rawvideo: as large as the pixels, 0.1 ms per 640×480 frame, and a flipped byte damages one frame; ffv1: about two
 thirds of the size, 5 ms, and up to a dozen frames."""
-_DELAY = 4
-"""Frames a codec may buffer before the file must have grown."""
 _PASSED = 32
 """Frames kept in memory while resynchronising after damage."""
 
@@ -87,23 +88,26 @@ class VideoFile:
         if codec not in CODECS:
             raise InputError(f"{path}: video codec {codec!r} is not one of {', '.join(CODECS)}")
         self._path, self._codec = path, codec
-        self._writer: cv2.VideoWriter | None = None
-        self._shape = (0, 0)
+        self._film: tuple[OutputContainer, VideoStream] | None = None
+        self._shape: tuple[int, ...] = ()
         self._count = 0
-        self._grown = (0, 0)
 
     def add(self, cdr: bytes | memoryview) -> bytes:
-        """Append a CDR sensor_msgs/Image; returns its CDR frame index. Raises InputError if the frame does not fit."""
+        """Append a CDR sensor_msgs/Image; returns its CDR frame index.
+
+        Raises InputError if the frame does not fit those before it, or no longer fits on the disk.
+        """
         image, pixels = frames.pixels_of(cdr, "video")
         return self.add_pixels(image.header, pixels)
 
     def add_pixels(self, header: Any, pixels: Pixels) -> bytes:
         """The same with the image's header and pixels (height, width)."""
-        writer = self._writer or self._open(pixels)
-        if pixels.shape != self._shape:
+        if pixels.ndim != 2:
+            raise InputError(f"{self._path.name}: frames of shape {pixels.shape} can't become video: mono8 is needed")
+        if self._count and pixels.shape != self._shape:
             raise InputError(f"{self._path.name}: a frame of shape {pixels.shape} does not fit those of {self._shape}")
         pixels = np.ascontiguousarray(pixels)
-        writer.write(pixels)
+        self._write(pixels)
         store = interfaces.store()
         t_ns = self._count * 1_000_000_000 // RATE_HZ
         message = store.types[INDEX](
@@ -114,41 +118,31 @@ class VideoFile:
         self._count += 1
         return bytes(store.serialize_cdr(message, INDEX))
 
-    def check(self) -> None:
-        """Raise InputError if frames no longer reach the file: OpenCV itself never says that the disk is full."""
-        count, size = self._grown
-        if self._count <= count + _DELAY:
-            return
-        now = self._path.stat().st_size
-        if now == size:
-            raise InputError(f"{self._path}: the video no longer grows: the disk is full or the file too large")
-        self._grown = self._count, now
-
     def close(self) -> None:
         """Complete the file."""
-        if self._writer is not None:
-            self._writer.release()
+        if self._film is not None:
+            with contextlib.suppress(OSError):  # only the end is missing, and all frames can be read without it
+                self._film[0].close()
 
-    def _open(self, pixels: Pixels) -> "cv2.VideoWriter":
-        import cv2
+    def _write(self, pixels: Pixels) -> None:
+        import av
 
-        if pixels.ndim != 2 or pixels.shape[0] % 2 or pixels.shape[1] % 2:
-            raise InputError(
-                f"{self._path.name}: frames of shape {pixels.shape} can't become video: mono8 of even width and height "
-                "is needed"
-            )
-        height, width = self._shape = pixels.shape
-        self._writer = cv2.VideoWriter(
-            str(self._path),
-            cv2.CAP_FFMPEG,
-            cv2.VideoWriter.fourcc(*CODECS[self._codec]),
-            float(RATE_HZ),
-            (width, height),
-            [cv2.VIDEOWRITER_PROP_IS_COLOR, 0],
-        )
-        if not self._writer.isOpened():
-            raise InputError(f"{self._path}: OpenCV can't write {self._codec} video here")
-        return self._writer
+        try:
+            file, stream = self._film = self._film or self._open(pixels.shape)
+            frame = av.VideoFrame.from_numpy_buffer(pixels, format="gray")
+            frame.pts = self._count
+            file.mux(stream.encode(frame))
+        except av.FFmpegError as error:
+            raise InputError(f"{self._path}: {error.strerror}") from None
+
+    def _open(self, shape: tuple[int, ...]) -> "tuple[OutputContainer, VideoStream]":
+        import av
+
+        height, width = self._shape = shape
+        file = av.open(str(self._path), "w", format="avi", options={"flush_packets": "1"})
+        stream = file.add_stream(self._codec, rate=RATE_HZ, width=width, height=height, pix_fmt="gray")
+        stream.codec_context.codec_tag = CODECS[self._codec]
+        return file, cast("VideoStream", stream)
 
 
 class VideoFrames:

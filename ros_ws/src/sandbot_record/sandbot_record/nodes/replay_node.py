@@ -13,6 +13,7 @@ import termios
 import threading
 import time
 import tty
+from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -40,6 +41,8 @@ _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
 """The last part of a wait is a busy loop, as a sleep ends late by about this much."""
 _MIN_DEPTH = 50
+_LATE = 100_000
+"""The last so many messages tell how late they were; --loop may play for days."""
 _DISCOVERY_S, _CHECK_PERIOD_S = 0.5, 0.05
 _COMMANDS = tuple(topic.name for topic in topics.COMMANDS)
 _MEASURED = tuple(topic.name for topic in topics.MEASURED)
@@ -81,7 +84,8 @@ class Replay(Node):
         }
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
-        self._late_ns: list[int] = []
+        self._late_ns: deque[int] = deque(maxlen=_LATE)
+        self._error: Exception | None = None
         self.published = self.missing = 0
         self.create_service(SetBool, "replay/pause", self._on_pause)
         self.create_service(Trigger, "replay/restart", self._on_restart)
@@ -90,7 +94,7 @@ class Replay(Node):
             "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the bag's first message]")
         )
         self.add_on_set_parameters_callback(self._on_parameters)
-        self._thread = threading.Thread(target=self._play, name="player", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="player", daemon=True)
         self._thread.start()
         Timer(self, _CHECK_PERIOD_S, self._check)
 
@@ -125,7 +129,8 @@ class Replay(Node):
             return replayed
         median, p99, worst = (value * 1e-6 for value in np.quantile(self._late_ns, (0.5, 0.99, 1.0)))
         late = f"{median:.3f} ms (median), {p99:.3f} (p99), {worst:.3f} (worst)"
-        return f"{replayed}; late by {late}"
+        last = f" of the last {_LATE} messages" if len(self._late_ns) == _LATE else ""
+        return f"{replayed}; late by {late}{last}"
 
     def key(self, key: str) -> None:
         """Handle a key of the terminal."""
@@ -143,9 +148,17 @@ class Replay(Node):
 
     def _check(self) -> None:
         if not self._thread.is_alive():
+            if self._error is not None:
+                raise self._error
             self.done = True
         # A robot or bed switched on during the replay would obey it without a lease.
         self._check_not_live()
+
+    def _run(self) -> None:
+        try:
+            self._play()
+        except Exception as error:  # from a codec, for example: ends the node
+            self._error = error
 
     def _play(self) -> None:
         with contextlib.suppress(InputError):  # only to load its block now

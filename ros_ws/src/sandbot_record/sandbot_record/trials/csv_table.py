@@ -35,7 +35,7 @@ _BOUNDS = {
     "peak_speed_m_s": (-10.0, 10.0, "a speed in m/s"),
     "lift_m": (-1.0, 1.0, "a length in m"),
     "first_step_m": (-10.0, 10.0, "a length in m"),
-    "n_trials": (-1.0, 1e6, "a number of trials"),
+    "n_trials": (0.0, 1e6, "a whole number of trials above 0"),
 }
 NAMELESS = re.compile(r"row\d+")
 """Generated ids of trials in tables without a trial_id."""
@@ -219,7 +219,7 @@ def _in_si(text: str, column: str) -> str:
     if name in ("phi", "phi_sd") and text.endswith("%"):  # a spreadsheet's format of a cell
         text, factor = text.removesuffix("%").rstrip(), 0.01
     with contextlib.suppress(ValueError):
-        return text if factor == 1.0 or not text else repr(float(text) * factor)
+        return text if factor == 1.0 or not text else repr(files.number_in(text) * factor)
     return text
 
 
@@ -321,14 +321,14 @@ def _number(where: str, name: str, text: str, *, required: bool) -> float:
             raise InputError(f"{where}: {text or 'empty'}; {instead}")
         return math.nan
     try:
-        value = float(text.replace("\N{MINUS SIGN}", "-"))
+        value = files.number_in(text)
     except ValueError:
         instead = "write decimals with a point" if "," in text else instead
         raise InputError(f"{where}: {text!r} is not a number; {instead}") from None
     if not math.isfinite(value):
         raise InputError(f"{where}: {text} is not a finite number; {instead}")
     low, high, right = _BOUNDS.get(name, (-math.inf, math.inf, ""))
-    if not low < value < high:
+    if not low < value < high or (name == "n_trials" and value % 1):
         percent = "; divide percent by 100" if name == "phi" and 1 < value < 100 else ""
         raise InputError(f"{where}: {text} is out of range: {right} is needed{percent}")
     if name in _NOT_NEGATIVE and value < 0:

@@ -1,22 +1,21 @@
 """The lateral film of a trial: its frames with the tracked markers drawn on them, and the time of each."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from sandbot_common import topics
-from sandbot_common.errors import InputError
-from sandbot_common.files import load_yaml
 from sandbot_record.bags import frames, video
 from sandbot_record.bags.frames import Pixels
 from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.from_bags import start_ns
+from sandbot_record.trials.setting import attached_cameras
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 
 SCALE = 1.5
@@ -32,7 +31,7 @@ _POINT = ("point.x", "point.y", "point.z")
 
 @dataclass(frozen=True)
 class Film:
-    """Frame ``i`` was taken at ``stamp_ns[i]``; ``zero_ns`` is when the legs started."""
+    """Frame ``i`` was taken at ``stamp_ns[i]``; ``zero_ns`` is when the legs started. Thread-safe."""
 
     stamp_ns: NDArray[np.int64] = field(metadata={"shape": "(n,)", "unit": "ns"})
     zero_ns: int
@@ -68,14 +67,15 @@ class Film:
 
 
 def film_of(bag: Bag) -> Film | None:
-    """The film of a bag with lateral frames, else None. Raises InputError if the attached calibration is invalid."""
-    if "cameras.yaml" not in bag.attachments or not any(name in bag.topics for name in KEPT):
+    """The film of a bag with frames of a calibrated lateral camera, else None.
+
+    Raises InputError if the attached calibration is invalid.
+    """
+    if not any(name in bag.topics for name in KEPT) or (content := attached_cameras(bag)) is None:
         return None
-    try:
-        content = load_yaml(bag.attachments["cameras.yaml"].decode())
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{bag.path}: attachment cameras.yaml: {error}") from None
-    camera = cameras_from_mapping(content, f"{bag.path}: cameras.yaml")["lateral"]
+    camera = cameras_from_mapping(content, f"{bag.path}: cameras.yaml").get("lateral")
+    if camera is None:
+        return None
     marks = {topic: bag.columns(topic.name, *_POINT, *FIELD_STAMP) for topic in MARKS}
     named = next(name for name in KEPT if name in bag.topics)
     stamps = bag.columns(named, *FIELD_STAMP).stamp_ns
@@ -87,5 +87,10 @@ def _reader(bag: Bag) -> Callable[[int], Pixels]:
     if topics.LATERAL_JPEG.name in bag.topics:
         kept = sorted(bag.messages([topics.LATERAL_JPEG.name]), key=lambda message: message.log_time_ns)
         return lambda i: frames.grey_of_jpeg(kept[i].decode().data)
-    timeline = Timeline(bag, [_RAW])
-    return lambda i: frames.pixels_of(timeline[i].data, "grey")[1]
+    timeline, lock = Timeline(bag, [_RAW]), threading.Lock()
+
+    def grey(i: int) -> Pixels:
+        with lock:  # a video is read by one decoder, which keeps its place
+            return frames.pixels_of(timeline[i].data, "grey")[1]
+
+    return grey

@@ -17,15 +17,18 @@ Strip = list[tuple[bytes, str]]
 
 
 def film_strip(data: Path, count: int = 4) -> Strip:
-    """``count`` frames of one steady step in the first bag of ``data`` with lateral frames; empty if there is none."""
-    bags = bags_in(data) if data.is_dir() else []
-    for path in bags:
-        # metadata.yaml tells whether there are frames, without reading the bag.
-        info = metadata.read(path) if path.is_dir() else None
-        kept = info is not None and any(topic.name in KEPT and topic.count for topic in info.topics)
-        if kept and (film := film_of(Bag.open(path))) is not None:
-            return _strip(film, path.name, count)
-    return []
+    """``of_bag`` for the first bag of ``data`` with a film; empty if there is none."""
+    strips = (of_bag(path, count) for path in (bags_in(data) if data.is_dir() else []))
+    return next(filter(None, strips), [])
+
+
+def of_bag(path: Path, count: int = 4) -> Strip:
+    """``count`` frames of one steady step; empty if the bag has no film. Raises InputError."""
+    # metadata.yaml tells whether there are frames, without reading the bag.
+    info = metadata.read(path) if path.is_dir() else None
+    kept = info is not None and any(topic.name in KEPT and topic.count for topic in info.topics)
+    film = film_of(Bag.open(path)) if kept else None
+    return _strip(film, path.name, count) if film is not None else []
 
 
 def _strip(film: Film, name: str, count: int) -> Strip:

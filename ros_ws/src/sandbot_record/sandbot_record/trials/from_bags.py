@@ -76,7 +76,7 @@ def _read(path: Path) -> Measured:
         raise InputError(f"{path}: empty bag, no messages")
     plan, bed = plan_of(bag), _bed(bag)
     row = Row(
-        trial_id=str(plan.get("trial_id") or path.stem),
+        trial_id=str(plan.get("trial_id") or files.base_name(path)),
         phi=_last(bag, topics.BED_PHI.name),
         phi_sd=_phi_sd(bed),
         omega_rad_s=number_or_nan(plan.get("omega_rad_s")),
@@ -339,8 +339,7 @@ def _bed(bag: Bag) -> list[tuple[int, dict[str, str]]]:
 
 def _phi_sd(bed: Sequence[tuple[int, dict[str, str]]]) -> float:
     """σ_φ of the last /bed/status that gives one."""
-    names = ("phi_sd", "sigma_phi", "volume_fraction_sd")
-    given = [value for _, values in bed for name, value in values.items() if name in names]
+    given = [values["phi_sd"] for _, values in bed if "phi_sd" in values]
     return number_or_nan(given[-1]) if given else math.nan
 
 
@@ -349,7 +348,7 @@ def _gait(value: object) -> str:
 
 
 def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
-    if exit_status not in (OK, "", "completed"):
+    if exit_status not in (OK, ""):
         return exit_status
     if fault:
         return fault

@@ -5,15 +5,16 @@ Only the recorded data are judged, whether live or in batch, here or elsewhere; 
 
 import math
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common import topics
-from sandbot_common.files import shared_yaml
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
+from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
 """Longest gap between set-points, in periods; beyond it the legs lag, and meet the ground at another place."""
@@ -121,11 +122,13 @@ def _commands(bag: Bag, moving: Times) -> str:
     steps = np.diff(moving)
     if not _has(bag, topics.LEG_SETPOINTS.name) or not steps.size:
         return ""
-    worst = int(np.argmax(steps))
-    if steps[worst] > (CLOCK_GAP + 0.5) * np.median(steps):
+    worst, typical = int(np.argmax(steps)), np.median(steps)
+    if not typical > 0:
+        return "clock: set-points with equal time stamps"
+    if steps[worst] > (CLOCK_GAP + 0.5) * typical:
         at_s = (moving[worst] - moving[0]) * 1e-9
         return f"clock: no set-point for {steps[worst] * 1e-9:.2f} s at t = {at_s:.2f} s"
-    lost = int(np.sum(np.rint(steps / np.median(steps)) - 1))
+    lost = int(np.sum(np.rint(steps / typical) - 1))
     if lost > MAX_LOST * (len(moving) + lost):
         return f"clock: {lost} of {len(moving) + lost} set-points missing"
     return ""
@@ -211,9 +214,8 @@ def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
 
 def _has_lateral_camera(bag: Bag) -> bool:
     """Whether the trackway has a lateral camera; without it the axles are not tracked."""
-    if (text := bag.attachments.get("cameras.yaml")) is not None:
-        return "lateral" in (shared_yaml(text.decode()) or {})
-    return _has(bag, topics.LATERAL_INFO.name)
+    cameras = attached_cameras(bag)
+    return "lateral" in cameras if isinstance(cameras, Mapping) else _has(bag, topics.LATERAL_INFO.name)
 
 
 class _Gap(NamedTuple):
@@ -249,6 +251,10 @@ def _bed(bag: Bag, start_ns: int, end_ns: int) -> str:
     trodden = height.log_time_ns > (start_ns + end_ns) // 2
     if prepared.sum() < _MIN_HEIGHTS or trodden.sum() < _MIN_HEIGHTS:
         return ""
-    before, after = (float(np.nanmedian(height["range"][which])) for which in (prepared, trodden))
+    measured = np.isfinite(height["range"]) & (height["range"] > 0)
+    for when, span in (("before", prepared), ("while", trodden)):
+        if (count := (span & measured).sum()) < _MIN_HEIGHTS:
+            return f"bed: only {count} of {span.sum()} height readings {when} the legs moved are finite and above 0"
+    before, after = (float(np.median(height["range"][span & measured])) for span in (prepared, trodden))
     drift = float(phi["data"][-1]) * (before / after - 1)  # φ ∝ 1/height
     return f"bed: φ drifted by {drift:+.4f} during the trial" if abs(drift) > PHI_DRIFT else ""

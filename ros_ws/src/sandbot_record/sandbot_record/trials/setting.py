@@ -40,12 +40,19 @@ def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
         robot = robot_from_text(bag.attachments[FILE].decode(errors="replace"), f"{bag.path}: attachment {FILE}")
     else:
         robot = None
-    accuracy = None
-    if CAMERAS in bag.attachments:
-        where = f"{bag.path}: attachment {CAMERAS}"
-        text = bag.attachments[CAMERAS].decode(errors="replace")
-        accuracy = accuracy_of(parse_yaml(text, where, shared_yaml), where)
+    accuracy = accuracy_of(attached_cameras(bag), _attached(bag))
     return Setting(str(bag.path), robot, frame_rate_hz, accuracy)
+
+
+def attached_cameras(bag: Bag) -> Any:
+    """The content of a bag's cameras.yaml, unchecked; None if it has none. Raises InputError if it is not YAML."""
+    if CAMERAS not in bag.attachments:
+        return None
+    return parse_yaml(bag.attachments[CAMERAS].decode(errors="replace"), _attached(bag), shared_yaml)
+
+
+def _attached(bag: Bag) -> str:
+    return f"{bag.path}: attachment {CAMERAS}"
 
 
 def of_campaign(folder: Path) -> Setting:

@@ -15,6 +15,7 @@ from sensor_msgs.msg import CameraInfo
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.ros import node
+from sandbot_common.ros.timer import Timer
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.camera_parameters import CameraParameters
 from sandbot_tracking.source import Source
@@ -48,7 +49,7 @@ class CameraNode(Node):
         self._health = node.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
         # Reading a device blocks until its next frame: polled at twice the frame rate, the camera sets the pace.
         wait_s = self._period_s / 2 if self._source.is_device else self._period_s / given.playback
-        self._timer = self.create_timer(wait_s, self._next)
+        self._timer = Timer(self, wait_s, self._next)
 
     def _next(self) -> None:
         if not (self._source.is_device or self._frames or self._is_heard()):

@@ -12,10 +12,11 @@ from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import node
+from sandbot_common.ros.timer import Timer
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.latency import Latency
-from sandbot_tracking.live import LiveTracker, View, warm_up
+from sandbot_tracking.live import LiveTracker, warm_up
 from sandbot_tracking.offline import Sample
 from sandbot_tracking.pixels import grey
 from sandbot_tracking.tracker_parameters import TrackerParameters
@@ -81,7 +82,7 @@ class TrackerNode(Node):
         node.subscription(self, topics.LEG_STATES, self._legs)
         node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
-        self.create_timer(_FOLLOW_S, self._follow)
+        Timer(self, _FOLLOW_S, self._follow)
 
     def _input(self, camera: str) -> ImageInput:
         view = topics.VIEWS[camera]
@@ -137,48 +138,13 @@ class TrackerNode(Node):
             self._publish["lift"].publish(messages.float64(done.lift_m))
 
     def _values(self) -> dict[str, object]:
-        live = self._live
-        values: dict[str, object] = {
-            **self._latency.values(),
-            "lost_frames": live.lost_frames,
-            "late_frames": live.pairing.late,
-            "samples_without_legs": live.without_legs,
-        }
         warnings = [self._unreadable, self._latency.warning]
-        for camera, view in live.views.items():
-            values |= {f"{camera}_{what}": value for what, value in _figures(view).items()}
-            counts = live.tracker.counts[camera]
-            for what in ("missing", "lost", "reacquired", "ambiguous"):
-                values[f"{camera}_{what}"] = getattr(counts, what)
+        for camera, view in self._live.views.items():
             warnings += [f"{camera}: {view.clock.warning}" if view.clock.warning else ""]
             warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
         text = "; ".join(warning for warning in warnings if warning)
         self._health.level, self._health.text = (1, text) if text else (0, "ok")
-        return values
-
-
-def _figures(view: View) -> dict[str, object]:
-    """Statistics of a camera's clock and stamps, for /diagnostics."""
-    clock, times = view.clock, view.times
-    known = clock.half_width_ns
-    return {
-        "clock": "unknown" if not clock.placed else "as stamped" if known is None else "by the LED",
-        "clock_offset_ms": f"{clock.offset_ns * 1e-6:.3f}",
-        "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
-        "jitter_ms": f"{times.jitter_s * 1e3:.3f}",
-        "period_ms": f"{times.period_s * 1e3:.3f}",
-        "calibrated_ms": f"{times.calibrated_s * 1e3:.3f}",
-        "frames": times.frames,
-        "dropped": times.dropped,
-        "doubled": times.doubled,
-        "repeated": times.repeated,
-        "out_of_order": times.late,
-        "unplaced": view.unplaced,
-        "led_edges": clock.edges,
-        "led_missed": clock.missed,
-        "led_unannounced": clock.unannounced,
-        "clock_jumps": clock.jumps,
-    }
+        return {**self._latency.values(), **self._live.figures}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

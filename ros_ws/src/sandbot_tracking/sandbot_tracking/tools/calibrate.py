@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sandbot_common import cli, topics
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_csv, read_yaml, write_text, writing
+from sandbot_common.files import number_in, read_csv, read_yaml, write_text, writing
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def read_table(path: Path) -> Table:
     for n, (number, row) in enumerate(rows):
         for column, name in enumerate(COLUMNS):
             try:
-                table[n, column] = float(row[name])
+                table[n, column] = number_in(row[name])
             except ValueError:
                 table[n, column] = np.nan
             if not np.isfinite(table[n, column]):

@@ -15,12 +15,11 @@ from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.gait import clock_signal
 from sandbot_model.physics.model import model_of
 from sandbot_model.report import waveforms
-from sandbot_model.report.atlas.material import Material, Motion, Published
+from sandbot_model.report.atlas.material import Material, Motion, Published, usual
 from sandbot_record.trials.table import Trials
 
-USUAL_OMEGA = 16.0
-"""Leg frequency [rad/s] and loose volume fraction of the paper's pair of trials; the nearest in the data are used."""
 LOOSE_PHI = 0.600
+"""Loose volume fraction of the paper's pair of trials; the nearest in the data is used."""
 
 
 def collect(
@@ -61,7 +60,7 @@ def _motions(bags: Mapping[str, Path], trials: Trials) -> tuple[Motion, ...]:
     if len(have) < 2:
         return ()
     omega = trials.omega_rad_s[have]
-    have = have[np.isclose(omega, omega[np.abs(omega - USUAL_OMEGA).argmin()], rtol=5e-3)]
+    have = have[np.isclose(omega, usual(omega), rtol=5e-3)]
     close = have[trials.phi[have].argmax()]
     loose = have[np.abs(trials.phi[have] - LOOSE_PHI).argmin()]
     if close == loose:

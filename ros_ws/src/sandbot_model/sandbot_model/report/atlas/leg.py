@@ -8,7 +8,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.geometry import chord, deepest_m, depth_at
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.material import Material, usual
 from sandbot_model.report.atlas.style import ACCENT, FAINT, INK, S_IS_R_RAD, sheet
 from sandbot_model.report.view import frequencies
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GROUND = "#e9dfc9"
-USUAL_OMEGA = 16.0
 POINTS = 200
 
 
@@ -25,7 +24,7 @@ def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 3a: a leg at the start (solid) and at the end of stance (dashed), drawn from the fit."""
     robot, fit = material.robot, material.fit
     omegas, _ = frequencies(material.cells)
-    omega = float(omegas[np.abs(omegas - USUAL_OMEGA).argmin()])
+    omega = usual(omegas)
     found = fit.predict(fit.level_phi, np.full_like(fit.level_phi, omega))
     level = int(np.flatnonzero(found.walking)[-1]) if found.walking.any() else -1
     depth = float(found.depth_m[level]) if level >= 0 else deepest_m(robot)

@@ -15,6 +15,14 @@ from sandbot_record.trials.table import Trials
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+USUAL_OMEGA = 16.0
+"""Leg frequency of the paper's pair of trials [rad/s]."""
+
+
+def usual(omega_rad_s: Floats) -> float:
+    """The leg frequency nearest the paper's of those given ``(n,)``."""
+    return float(omega_rad_s[np.abs(omega_rad_s - USUAL_OMEGA).argmin()])
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:

@@ -1,0 +1,31 @@
+"""What nodes say on /diagnostics that other nodes act on: names of figures, and the words of an orderly end.
+
+What only people read is named where it is measured.
+"""
+
+LOST_FRAMES = "lost_frames"
+"""Of the tracker: views without a partner."""
+
+FRAMES, PERIOD_MS, CALIBRATED_MS = "frames", "period_ms", "calibrated_ms"
+"""Of a camera: new frames, and their period as stamped and as calibrated [ms]."""
+CLOCK, BY_THE_LED = "clock", "by the LED"
+"""Of a camera: how its clock was set to the robot's time, and the one way that is exact."""
+LED_EDGES, CLOCK_JUMPS = "led_edges", "clock_jumps"
+"""Of a camera: flashes seen, and how often its clock disagreed with them."""
+
+_ENDED = "ended: "
+
+
+def of_camera(camera: str, figure: str) -> str:
+    """The name of a camera's figure among those of the tracker."""
+    return f"{camera}_{figure}"
+
+
+def ending(why: str) -> str:
+    """The last text of a node that ends in order."""
+    return f"{_ENDED}{why}"
+
+
+def has_ended(text: str) -> bool:
+    """Whether this is the last text of a node."""
+    return text.startswith(_ENDED)
