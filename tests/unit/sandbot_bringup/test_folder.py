@@ -13,10 +13,11 @@ from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
+from sandbot_bringup.trial_bag import TrialBag
+from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import specs
 from sandbot_lab.world import null_world
-from sandbot_record.bags.writer import BagWriter
 from sandbot_record.trials import from_bags
 
 PLAN = Plan(name="tiny", phi=(0.6, 0.62), omega_rad_s=(8.0, 16.0), replicates=2)
@@ -317,13 +318,12 @@ def test_a_campaign_whose_folder_was_renamed_makes_no_new_one(tmp_path):
     with pytest.raises(InputError, match=r"run: can't be written: its campaign.yaml is gone; was the folder renamed"):
         run_trial(Setup(PLAN, null_world(), folder, {}), trial, 0)
     with pytest.raises(FileNotFoundError):  # a moment later
-        BagWriter(folder.bag(trial))
+        TrialBag(0, topics.LEGS).write(folder.bag(trial), {}, {})
     assert not folder.path.exists()
     # Control: it is there, and its first bag makes trials/.
     back = CampaignFolder(tmp_path / "monday")
     back.check_there()
-    with BagWriter(back.bag(trial)):
-        pass
+    TrialBag(0, topics.LEGS).write(back.bag(trial), {}, {})
     assert back.bag(trial).is_dir()
 
 

@@ -68,8 +68,6 @@ def add_metadata(bag: Path, name: str, values: Mapping[str, str]) -> None:
 class BagWriter:
     """Writes a bag; a context manager. Raises InputError if the bag exists, OSError if the disk is full.
 
-    The folder of the bag is made, but none above it: one that was renamed meanwhile would come back with half its bags.
-
     ``flush_period_s``: longest time, on the clock of the log times, that a message stays in memory; 0 leaves
     flushing to full chunks. ``on_split`` is called with the name of each new file. Not thread-safe.
     """
@@ -108,7 +106,7 @@ class BagWriter:
         self._open_file()
 
     def _make_folder(self, whole: bool) -> Path:
-        self.path.parent.mkdir(exist_ok=True)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
         if not whole:
             self.path.mkdir()
             return self.path

@@ -54,7 +54,6 @@ def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Re
     from sandbot_record.bags.writer import BagWriter, Split
 
     try:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
         writer = BagWriter(
             options.out,
             compression=options.compression,
