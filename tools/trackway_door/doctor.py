@@ -138,10 +138,17 @@ def shared_memory(folder: Path) -> Finding:
     """What nodes that were killed have left there, 70 MB each."""
     left = list(leftovers(folder))
     size = sum(path.stat().st_size for path in left)
-    free = shutil.disk_usage(folder).free if folder.is_dir() else 0
+    total, _, free = shutil.disk_usage(folder) if folder.is_dir() else (0, 0, 0)
     files = f"{len(left)} file{'s' * (len(left) != 1)}"
     told = f"{size / MIB:.0f} MB in {files} of nodes that were killed; {free / GIB:.1f} GB free"
     remedy = f"stop all nodes, then: rm -f {folder}/fastrtps_* {folder}/sem.fastrtps_*"
+    if total < 0.5 * GIB:
+        told = f"{folder} is {total / MIB:.0f} MB, nodes need {0.5 * GIB / MIB:.0f}"
+        return Finding(
+            "fail", "shared memory", told, f"docker run --shm-size=1g, or: mount -o remount,size=1g {folder}"
+        )
+    if free + size < 0.5 * GIB:
+        remedy = f"{folder} is {total / GIB:.1f} GB: end what else uses it, or: mount -o remount,size=1g {folder}"
     if free < 0.5 * GIB:
         return Finding("fail", "shared memory", told, remedy)
     return Finding("warn" if left else "ok", "shared memory", told if left else f"{free / GIB:.1f} GB free", remedy)

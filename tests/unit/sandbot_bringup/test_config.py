@@ -51,7 +51,7 @@ def test_the_files_of_the_plan_hold_until_a_trial_is_finished(tmp_path, write):
 def test_cameras_that_the_lab_cant_film_with_are_refused_before_anything_is_written(
     tmp_path, write, capsys, key, value, said
 ):
-    write(**{key: value})
+    write(**{key: value}, led_region=None)
     assert campaign.main([str(tmp_path / "plan.yaml"), "--batch"]) == 2
     error = capsys.readouterr().err
     assert "error: mine.yaml: camera dorsal: " in error
@@ -59,7 +59,7 @@ def test_cameras_that_the_lab_cant_film_with_are_refused_before_anything_is_writ
     assert not (tmp_path / "tiny").exists()
 
 
-@pytest.mark.parametrize(("key", "value"), [("exposure_s", 2.0), ("distortion", [0.1, 0.0, 0.0, 0.0])])
+@pytest.mark.parametrize(("key", "value"), [("exposure_s", 0.008), ("distortion", [0.1, 0.0, 0.0, 0.0])])
 def test_what_the_tracker_reads_the_lab_films_with(tmp_path, write, key, value):
     write(**{key: value})
     check_cameras(load_yaml(files_of(PLAN, tmp_path, tmp_path / "none")["cameras.yaml"]), "mine.yaml")

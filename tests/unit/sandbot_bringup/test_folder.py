@@ -7,12 +7,14 @@ import bags
 import pytest
 
 from sandbot_bringup import folder as folders
-from sandbot_bringup.batch import seal
+from sandbot_bringup.batch import Setup, run_trial, seal
 from sandbot_bringup.config import files_of
 from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
+from sandbot_bringup.trial_bag import TrialBag
+from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import specs
 from sandbot_lab.world import null_world
@@ -305,3 +307,36 @@ def test_an_option_of_the_verdict_says_what_its_key_of_a_plan_does(key):
     spec = {one.name: one for one in specs(Plan)}[key]
     assert (action.type, action.default) == (spec.type, None)
     assert action.help == f"{spec.doc} (--until; default: {getattr(PLAN, key)})"
+
+
+def test_a_campaign_whose_folder_was_renamed_makes_no_new_one(tmp_path):
+    """It wrote on into a folder of the old name, without plan and seal."""
+    folder = CampaignFolder(tmp_path / "run")
+    folder.adopt(PLAN, {})
+    trial = trials_of(PLAN)[0]
+    folder.path.rename(tmp_path / "monday")
+    with pytest.raises(InputError, match=r"run: can't be written: its campaign.yaml is gone; was the folder renamed"):
+        run_trial(Setup(PLAN, null_world(), folder, {}), trial, 0)
+    with pytest.raises(FileNotFoundError):  # a moment later
+        TrialBag(0, topics.LEGS).write(folder.bag(trial), {}, {})
+    assert not folder.path.exists()
+    # Control: it is there, and its first bag makes trials/.
+    back = CampaignFolder(tmp_path / "monday")
+    back.check_there()
+    TrialBag(0, topics.LEGS).write(back.bag(trial), {}, {})
+    assert back.bag(trial).is_dir()
+
+
+@pytest.mark.parametrize(("is_batch", "said"), [(True, "run --batch; "), (False, "run; ")])
+def test_who_interrupts_a_campaign_is_told_how_to_go_on(tmp_path, capsys, is_batch, said):
+    def interrupted(folder):
+        with pytest.raises(KeyboardInterrupt), campaign._interruptible(folder):
+            raise KeyboardInterrupt
+        return capsys.readouterr().out
+
+    folder = CampaignFolder(tmp_path / "run")
+    assert interrupted(folder) == ""  # nothing has begun
+    folder.adopt(PLAN, {})
+    if is_batch:
+        seal(folder, null_world())
+    assert interrupted(folder).startswith(f"to go on: campaign {tmp_path / said}")

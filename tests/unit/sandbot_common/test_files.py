@@ -106,7 +106,9 @@ def test_reads_a_mapping(tmp_path):
     [
         (b"- 1\n", "c.yaml: lines 'key: value' are needed"),
         (b"", "c.yaml: is empty; lines"),
-        (b"a: [1\n", "not YAML"),
+        (b"a: [1\n", "not YAML: line 2, column 1: while parsing a flow sequence"),
+        (b"a:\n  b: 1\n\tc: 2\n", "not YAML: line 3, column 1: a tab; indent by spaces"),
+        (b"a: {b: c: d}\n", "not YAML: line 1, column "),
         (b"\xff\xfe\x00", r"not a text file \(UTF-8\); a YAML file is needed"),
         (b"PK\x03\x04\x14\x00\xff", r"of a spreadsheet \(.xlsx, .ods\) save the sheet as CSV"),
     ],

@@ -38,6 +38,23 @@ def test_shared_memory_holds_a_second_of_two_cameras_where_frames_are_published(
     assert sorted(kinds[name] for name in used) == ["SHM", "UDPv4"]
 
 
+@pytest.mark.parametrize("text", ["999", "233", "-1", "1e2", "abc", "7.0"])
+def test_a_domain_that_cannot_work_is_refused_by_name(monkeypatch, text):
+    """Fast DDS ended the process from 233 on, and -1 and 1e2 were taken for other numbers."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(InputError, match=f"ROS_DOMAIN_ID: '{text}' is not a whole number from 0 to 232"):
+        node.start_ros([])
+
+
+@pytest.mark.parametrize("text", ["", "0", "101", "232"])
+def test_a_domain_that_can_work_is_left_to_ros(monkeypatch, text):
+    started = []
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    monkeypatch.setattr(rclpy, "init", lambda **given: started.append(given))
+    node.start_ros([])
+    assert len(started) == 1
+
+
 def test_a_profile_of_the_users_own_stays(monkeypatch):
     monkeypatch.delenv(PROFILE, raising=False)
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", "mine.xml")

@@ -10,8 +10,8 @@ from sandbot_hardware.lines import Line, Reader
 LEASE_S, MOVING, REST = 0.24, 5.0, 0.0
 
 
-def setpoint(rate, t_s=0.0):
-    return Line("S", (round(t_s * 1e6), *[0.1] * 6, *[rate] * 6))
+def setpoint(rate, t_s=0.0, angle=0.1):
+    return Line("S", (round(t_s * 1e6), *[angle] * 6, *[rate] * 6))
 
 
 def kinds(said):
@@ -34,7 +34,7 @@ def told_rest(walk, begin=lambda t_s: None):
 def test_legs_follow_and_the_led_goes_on_once():
     legs, begun = leg_controller()
     assert kinds(legs.heard(setpoint(MOVING), 1.0)) == ["E", "L"]
-    assert kinds(legs.heard(setpoint(MOVING), 1.005)) == ["L"]
+    assert kinds(legs.heard(setpoint(MOVING, 0.005), 1.005)) == ["L"]
     assert (legs.moving, begun) == (True, [1.0])
 
 
@@ -52,9 +52,9 @@ def test_set_points_that_come_together_are_obeyed_at_their_own_times():
     assert walked == pytest.approx([1.0, 1.005, 1.01, 1.015, 1.02], abs=1e-5)
 
 
-@pytest.mark.parametrize("again_s", [50.0, 49.99])
-def test_a_set_point_no_later_than_the_last_report_still_moves_time_on(again_s):
-    """The simulated robot refuses time that does not rise, and its process ended in the middle of a campaign."""
+@pytest.mark.parametrize(("again_s", "is_walked"), [(50.0, False), (49.99, False), (50.00005, False), (50.005, True)])
+def test_a_set_point_of_a_time_already_reported_renews_the_lease_but_is_not_walked(again_s, is_walked):
+    """At an invented time, 1 us later, a leg would turn at 4e4 rad/s: the simulated robot refused it, and ended."""
     walked = []
 
     def walk(t_s, angles, rates):
@@ -64,8 +64,38 @@ def test_a_set_point_no_later_than_the_last_report_still_moves_time_on(again_s):
     legs = told_rest(walk)
     walked.clear()
     legs.heard(setpoint(MOVING, 50.0), 1.0)
-    legs.heard(setpoint(MOVING, again_s), 1.0)
-    assert 0 < walked[1] - walked[0] < 1e-4
+    said = legs.heard(setpoint(MOVING, again_s, 0.2), 1.1)
+    assert (kinds(said), len(walked)) == ((["L"], 2) if is_walked else ([], 1))
+    assert legs.tick(1.1 + LEASE_S - 0.001) == []
+    legs.heard(setpoint(MOVING, 50.02, 0.3), 1.12)
+    assert walked[-1] == pytest.approx(1.02, abs=1e-4)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.015, 0.03, 0.0351, 0.1])
+def test_a_walk_whose_first_set_points_come_late_and_together_is_walked_at_their_own_times(late_s):
+    """As on a busy host, after rest was reported: nothing else was wrong when the simulated devices ended."""
+    begun, walked = [], []
+    legs = told_rest(lambda t_s, angles, rates: walked.append((t_s, angles[0])) or (angles, rates, rates), begun.append)
+    legs.heard(setpoint(REST, 50.0), 1.0)
+    legs.tick(1.0 + late_s)  # reports rest, 20 ms after the last report or later
+    walked.clear()
+    said = [
+        legs.heard(setpoint(MOVING, 50.0 + 0.005 * n, 0.1 + 0.04 * n), 1.0 + max(late_s, 0.005 * n))
+        for n in range(1, 30)
+    ]
+    assert legs.moving
+    assert [t_s for t_s, _ in walked] == pytest.approx([1.0 + (angle - 0.1) / 8.0 for _, angle in walked], abs=1e-4)
+    assert walked[0][0] == pytest.approx(begun[0])
+    assert begun[0] < 1.0 + late_s + 0.0051
+    assert [kind for one in said for kind in kinds(one)].count("E") == 1
+
+
+def test_rest_that_comes_late_is_obeyed_at_once():
+    legs, _ = leg_controller()
+    legs.heard(setpoint(MOVING, 50.0), 1.0)
+    legs.heard(setpoint(REST, 49.99, 0.1), 1.01)
+    assert not legs.moving
+    assert kinds(legs.tick(1.03)) == ["L"]
 
 
 def test_legs_that_hear_nothing_rest_by_themselves_and_are_deaf_until_told_rest():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import messages, topics
+from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line, decode
@@ -46,6 +47,7 @@ def legs():
     one._sent = one._refused = 0
     one._least_ns, one._why, one._held, one._commanded_ns, one._commanded = 0, "", [], 0, SIX
     one._device_clock, one._states = DeviceClock(), SimpleNamespace(publish=lambda _: None)
+    one._host_clock, one._ahead_ns = HostClock(), 0
     return one
 
 
@@ -122,6 +124,31 @@ def test_a_walk_begins_within_the_lease_of_a_word_of_rest(legs):
     legs._on_setpoint(messages.joint_state(2, topics.LEGS, SIX, SIX, SIX))
     assert not legs._moving
     assert legs._why == "set-point refused: they are told to move before they have been told to rest"
+
+
+@pytest.mark.parametrize("step_s", [0.0, 15.0, 3600.0, -0.5, -15.0])
+def test_states_follow_a_host_clock_that_is_set_and_the_controller_s_time_does_not(legs, step_s):
+    """It was taken for delay: stamps were as far behind for hours, and every trial failed."""
+    ahead_ns, stamps = [10**18], []
+    legs._host_clock.ahead_ns = lambda: ahead_ns[0]
+    legs._states.publish = lambda states: stamps.append(messages.nanoseconds(states.header.stamp))
+    for index in range(4):
+        ahead_ns[0] += round(step_s * 1e9) if index == 2 else 0
+        legs._heard(Line("L", (7 + 20_000 * index, *[0.0] * 18)), 5_000_000_000 + 20_000_000 * index)
+        walk_ns = ahead_ns[0] + 20_000_000 * index
+        legs._on_setpoint(messages.joint_state(walk_ns, topics.LEGS, SIX, 0 * SIX, SIX))
+    steps_ns = [20_000_000, 20_000_000 + round(step_s * 1e9), 20_000_000]
+    assert np.diff(stamps).tolist() == steps_ns
+    assert np.diff([decode(line[:-1]).values[0] for line in legs._port.written]).tolist() == [20_000] * 3
+
+
+def test_a_walk_keeps_the_time_it_began_with_although_the_clock_is_set(legs):
+    ahead_ns = [10**18]
+    legs._host_clock.ahead_ns = lambda: ahead_ns[0]
+    for index, rate in enumerate((0.0, 8.0, 8.0, 0.0)):
+        legs._on_setpoint(messages.joint_state(10**18 + 5_000_000 * index, topics.LEGS, SIX, rate * SIX, SIX))
+        ahead_ns[0] += 15 * 10**9 if index == 1 else 0
+    assert [decode(line[:-1]).values[0] for line in legs._port.written] == [0, 5_000, 10_000, 15_000]
 
 
 def test_set_points_that_are_handed_on_late_stop_the_legs_and_a_late_word_of_rest_is_obeyed(legs):

@@ -1,14 +1,18 @@
 """The simulated devices: what they can't be made of is answered before there is any."""
 
 import io
+from functools import partial
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
 from sandbot_bringup.config import config_folder
 from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_hardware import simulate, simulate_command
+from sandbot_hardware.simulate import Trackway
 
 
 @pytest.mark.parametrize(
@@ -27,6 +31,20 @@ def test_cameras_that_cant_film_leave_no_devices(tmp_path, capsys, dorsal, said)
     assert f"error: {file}: " in line
     assert said in line
     assert not (tmp_path / "dev").exists()
+
+
+def test_what_one_device_cannot_do_is_printed_and_ends_no_other(capsys):
+    def fails(_now_s):
+        raise InputError("set-points: a leg would turn at 4e+04 rad/s")
+
+    trackway, said = object.__new__(Trackway), []
+    trackway._boot_s = 0.0
+    ports = {name: partial(lambda name, make: said.append((name, make())), name) for name in ("legs", "bed")}
+    trackway.ports = {name: SimpleNamespace(say=say) for name, say in ports.items()}
+    trackway._say("legs", fails)
+    trackway._say("bed", lambda now_s: [b"H"])
+    assert said == [("bed", b"H")]
+    assert capsys.readouterr().out == "legs: set-points: a leg would turn at 4e+04 rad/s\n"
 
 
 def test_a_mistyped_order_is_told_and_the_devices_go_on(tmp_path, monkeypatch, capsys):

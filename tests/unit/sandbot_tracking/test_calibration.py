@@ -62,6 +62,14 @@ def test_parallax_is_the_derivative_by_plane_height():
         ({"plane": {"normal": "w", "offset_m": 0.0}}, "normal"),
         ({"position_m": [1.0, 2.0]}, "position_m"),
         ({"width": 0}, "width"),
+        (
+            {"frame_rate_hz": 100.0, "exposure_s": 0.02},
+            "exposure_s: 0.02 s is longer than a frame, 0.01 s at frame_rate_hz: 100",
+        ),
+        ({"exposure_s": 2.0}, "exposure_s: 2.0 is outside"),
+        ({"fx": 10.66}, "fx: 10.66 px for 640 px is a field of view of 176 degrees"),
+        ({"led_region": [2400, 8, 24, 24]}, r"led_region: .* is not inside the picture, 640 x 480 px"),
+        ({"position_m": [580.0, 0.0, 2120.0]}, "position_m: 580"),
     ],
 )
 def test_bad_cameras_are_refused_by_name(change, message):
@@ -69,6 +77,19 @@ def test_bad_cameras_are_refused_by_name(change, message):
         camera_from_mapping({**DORSAL, **change}, "cameras.yaml: dorsal")
     assert str(caught.value).startswith("cameras.yaml: dorsal")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"frame_rate_hz": 100.0, "exposure_s": 0.01},
+        {"exposure_s": 0.03},  # of a film, whose own rate counts
+        {"fx": 100.0, "fy": 100.0},
+        {"led_region": [616, 456, 24, 24]},
+    ],
+)
+def test_what_a_camera_can_have_is_accepted(change):
+    camera_from_mapping({**DORSAL, **change}, "dorsal")
 
 
 def test_a_camera_of_an_unknown_name_is_refused(tmp_path):

@@ -82,7 +82,7 @@ def segment(folder, name, size):
 
 
 def test_memory_of_nodes_that_were_killed_is_told_from_that_of_living_ones(tmp_path, monkeypatch):
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: Usage(1, 0, 8 << 30))
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: Usage(9 << 30, 0, 8 << 30))
     assert doctor.shared_memory(tmp_path).level == "ok"
     with segment(tmp_path, "fastrtps_living", 10).open() as living:
         fcntl.flock(living, fcntl.LOCK_EX)
@@ -91,8 +91,22 @@ def test_memory_of_nodes_that_were_killed_is_told_from_that_of_living_ones(tmp_p
         found = doctor.shared_memory(tmp_path)
     assert (found.level, found.found) == ("warn", "3 MB in 1 file of nodes that were killed; 8.0 GB free")
     assert "rm -f" in found.remedy
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: Usage(1, 1, 1 << 20))
-    assert doctor.shared_memory(tmp_path).level == "fail"
+
+
+@pytest.mark.parametrize(
+    ("total", "free", "remedy"),
+    [
+        (64 << 20, 64 << 20, "docker run --shm-size=1g"),  # Docker's default, which no removal makes larger
+        (1 << 30, 1 << 20, "end what else uses it"),
+        (1 << 30, 510 << 20, "rm -f"),  # with the 3 MB of a node that was killed it is enough
+    ],
+)
+def test_too_little_shared_memory_has_a_remedy_that_helps(tmp_path, monkeypatch, total, free, remedy):
+    segment(tmp_path, "fastrtps_dead", 3 << 20)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: Usage(total, total - free, free))
+    found = doctor.shared_memory(tmp_path)
+    assert found.level == "fail"
+    assert remedy in found.remedy
 
 
 @pytest.mark.ros

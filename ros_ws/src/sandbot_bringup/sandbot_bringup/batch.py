@@ -93,6 +93,7 @@ def seal(folder: CampaignFolder, world: World) -> None:
 
 def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
+    setup.folder.check_there()
     if not setup.folder.missing([trial]):
         # A cluster worker that died had finished it, but could not report it.
         return setup.folder.bag(trial)

@@ -171,6 +171,13 @@ class CampaignFolder:
         finally:
             os.close(handle)
 
+    def check_there(self) -> None:
+        """Raise InputError if the campaign is not in its folder any more."""
+        if not self.plan_file.exists():
+            raise InputError(
+                f"{self.path}: can't be written: its campaign.yaml is gone; was the folder renamed or deleted?"
+            )
+
     def remove_unfinished(self) -> None:
         """Remove the unfinished bags of a killed batch run, which never got their final name, and nothing else."""
         for path in self.trials.glob(".phi*") if self.trials.is_dir() else ():

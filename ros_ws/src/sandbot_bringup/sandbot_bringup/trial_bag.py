@@ -102,7 +102,11 @@ class TrialBag:
         self.add(topics.LIFT, self._at(t_s), messages.float64(mean.lift_m))
 
     def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
-        """Write the bag under its name, whole or not at all."""
+        """Write the bag under its name, whole or not at all.
+
+        Its folder is made, but not the campaign's: renamed meanwhile, it would come back with part of the trials.
+        """
+        path.parent.mkdir(exist_ok=True)
         with BagWriter(path) as writer:
             # A video file is opened at its first frame; until then the frames themselves are stored under its index.
             videos = {

@@ -17,6 +17,8 @@ crew        parallel work: on worker processes, or
   cluster   on the workers of a Dask cluster
 process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host;
             dead_ports: those of killed nodes, which a new one should not take
+host_clock  the wall clock, and by how much it was set
+shared_memory  whether the host has enough for its nodes
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
 health      names of the figures, and words, that nodes act on when other nodes say them on /diagnostics
 messages    numpy to standard ROS messages (no rclpy)

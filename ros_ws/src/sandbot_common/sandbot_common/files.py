@@ -221,10 +221,19 @@ def parse_yaml(text: str, where: str, load: Callable[[str], Any] = load_yaml) ->
     try:
         return load(text)
     except yaml.YAMLError as error:
-        raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+        raise InputError(f"{where}: not YAML: {_yaml_trouble(error, text)}") from None
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         # Raised by PyYAML if a scalar does not match its tag or form: month 13, an empty !!int.
         raise InputError(f"{where}: not YAML: {type(error).__name__}: {' '.join(str(error).split())}") from None
+
+
+def _yaml_trouble(error: yaml.YAMLError, text: str) -> str:
+    """What PyYAML says, opened by the line and not by its own name for the text."""
+    if not (isinstance(error, yaml.MarkedYAMLError) and (mark := error.problem_mark)):
+        return " ".join(str(error).split())
+    is_tab = text[mark.index : mark.index + 1] == "\t"
+    problem = "a tab; indent by spaces" if is_tab else ": ".join(filter(None, (error.context, error.problem)))
+    return f"line {mark.line + 1}, column {mark.column + 1}: {' '.join(problem.split())}"
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

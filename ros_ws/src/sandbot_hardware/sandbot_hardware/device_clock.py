@@ -1,7 +1,8 @@
 """Conversion between clocks: from a device's to the host's, and within the device the other way round.
 
 A message arrives later than it was sent, by a delay that is never negative. So the smallest difference between arrival
-and device time is the best estimate of the clocks' offset; it may grow no faster than two clocks drift apart.
+and device time is the best estimate of the clocks' offset; it may grow no faster than two clocks drift apart. So the
+host's clock must be one that nobody sets forward.
 """
 
 _DRIFT = 1e-4
@@ -17,7 +18,7 @@ class DeviceClock:
         self._last_ns = self._received_ns = 0
 
     def host_ns(self, device_ns: int, received_ns: int) -> int:
-        """When the device sent the message, on the host's clock."""
+        """When the device sent the message, on the clock of ``received_ns``, which nobody may set."""
         gap_ns = received_ns - device_ns
         if self._offset_ns is None or device_ns < self._last_ns - _REBOOT_NS:
             self._offset_ns = gap_ns

@@ -5,13 +5,17 @@ The clock is passed in (seconds); nothing here does input or output.
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
+from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.legs import check_turning
 from sandbot_hardware import lines
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 
 RESOLUTION_S = 1e-6
-"""The line's time resolution: report times advance by at least this much, even if the host's stamps do not."""
+"""The line's time resolution: reports are at least so far apart."""
 Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float], Sequence[float]]]
 """From device time [s], commanded angles and rates to resulting angles, rates and efforts."""
 
@@ -21,6 +25,10 @@ class LegController:
     ignored until one at rest arrives.
 
     It starts in that state, as it has not seen the start of a motion that was already under way.
+
+    A set-point says where the legs are to be at its own time. One that comes late, of a time whose state has been
+    reported, or so soon after it that no leg could get there, is not walked: the legs go on to the next one that is in
+    time.
     """
 
     def __init__(self, legs: int, walk: Walk, begin: Callable[[float], None], lease_s: float = 0.24) -> None:
@@ -29,7 +37,9 @@ class LegController:
         self._lease, self._host = Lease(lease_s), DeviceClock()
         self._held: Sequence[float] = [0.0] * legs
         self.moving, self.lapsed = False, True
+        self._walking = False
         self.said_s = 0.0
+        self._said: Sequence[float] = self._held
 
     def heard(self, line: Line, now_s: float) -> list[bytes]:
         """Its replies to a line."""
@@ -38,17 +48,20 @@ class LegController:
         replies = self._watch(now_s)
         # The set-point holds for its own time, however long its transmission took.
         t_s = self._host.host_ns(int(line.values[0]) * 1000, round(now_s * 1e9)) * 1e-9
-        t_s = max(t_s, self.said_s + RESOLUTION_S)
         angles, rates = lines.split(line.values[1:], self._legs)
         moving = any(rates)
         if self.lapsed and moving:
             return replies
         self.lapsed = False
         self._lease.renew(now_s)
-        if moving and not self.moving:
+        self.moving, self._held = moving, angles
+        self._walking = self._walking and moving
+        if not self._in_time(t_s, angles, rates):
+            return replies
+        if moving and not self._walking:
+            self._walking = True
             self._begin(t_s)
             replies.append(lines.encode("E", _us(t_s)))
-        self.moving, self._held = moving, angles
         return [*replies, self._report(t_s, angles, rates)]
 
     def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
@@ -67,11 +80,21 @@ class LegController:
     def _watch(self, now_s: float) -> list[bytes]:
         if not (self.moving and self._lease.late(now_s)):
             return []
-        self.moving, self.lapsed = False, True
+        self.moving, self.lapsed, self._walking = False, True, False
         return [self._report(now_s, self._held, [0.0] * self._legs), lines.encode("W", lines.LEGS_AT_REST)]
 
+    def _in_time(self, t_s: float, angles: Sequence[float], rates: Sequence[float]) -> bool:
+        """Whether the legs can get there from where they were last reported."""
+        if t_s < self.said_s + RESOLUTION_S:
+            return False
+        try:
+            check_turning(np.array([self.said_s, t_s]), np.array([self._said, angles]), np.array(rates))
+        except InputError:
+            return False
+        return True
+
     def _report(self, now_s: float, angles: Sequence[float], rates: Sequence[float]) -> bytes:
-        self.said_s = now_s
+        self.said_s, self._said = now_s, angles
         walked = [float(value) for values in self._walk(now_s, angles, rates) for value in values]
         return lines.encode("L", _us(now_s), *walked)
 

@@ -7,6 +7,7 @@ r"""The wire format, in both directions: lines of ASCII with a checksum, some fo
 precedes a message on its line is ignored, as the rest of a frame that lost a byte does: nothing ends a block.
 
     host to legs     S t_us angle... rate...          set-point for the host's time [us]: angles (rad), rates (rad/s)
+                                                      (CLOCK_MONOTONIC, which is never set)
     legs to host     L t_us angle... rate... effort.. where the legs are (rad, rad/s, N m) at the device's time [us]
                      E t_us                           the sync LED went on
     host to bed      B level                          blower, 0 to 1

@@ -19,8 +19,8 @@ _WAIT_S = 0.1
 
 
 class Port:
-    """``heard(line, received_ns)`` is called for every message, in the port's thread; ``log`` with a text at each
-    change of ``trouble``.
+    """``heard(line, received_ns)`` is called for every message, in the port's thread, with its arrival on the monotonic
+    clock; ``log`` with a text at each change of ``trouble``.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Port:
                 with self._lock:
                     self._lose(error)
                 continue
-            received_ns = time.time_ns()
+            received_ns = time.monotonic_ns()
             for line in self._reader.feed(data):
                 self._hear(line, received_ns)
 

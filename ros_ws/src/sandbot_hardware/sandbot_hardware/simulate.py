@@ -7,7 +7,7 @@ import select
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -90,8 +90,7 @@ class Trackway:
     def _heard(self, name: str, line: Line) -> None:
         was_moving, was_blowing = self.legs.moving, self.bed.level > 0
         device: Any = {"legs": self.legs, "bed": self.bed}[name]
-        for reply in device.heard(line, self.now_s()):
-            self.ports[name].say(partial(bytes, reply))
+        self._say(name, partial(device.heard, line))
         if self.legs.moving != was_moving:
             print(f"legs: {'moving' if self.legs.moving else 'at rest'}", flush=True)
         if (self.bed.level > 0) != was_blowing:
@@ -101,14 +100,23 @@ class Trackway:
     def _look(self) -> None:
         was_moving, was_blowing = self.legs.moving, self.bed.level > 0
         for name, device in (("legs", self.legs), ("bed", self.bed)):
-            for message in device.tick(self.now_s()):
-                self.ports[name].say(partial(bytes, message))
+            self._say(name, device.tick)
         if was_moving and not self.legs.moving:
             print(f"legs: at rest by themselves {self.now_s() - self.legs.obeyed_s:.3f} s after the last set-point")
         if was_blowing and not self.bed.level:
             print(f"bed: air off by itself {self.now_s() - self.bed.obeyed_s:.3f} s after the last level", flush=True)
         sys.stdout.flush()
         self._rest(was_moving)
+
+    def _say(self, name: str, act: Callable[[float], list[bytes]]) -> None:
+        """Send what a device says now. What it can't do is printed, and ends neither it nor the others."""
+        try:
+            said = act(self.now_s())
+        except InputError as error:
+            print(f"{name}: {error}", flush=True)
+            return
+        for message in said:
+            self.ports[name].say(partial(bytes, message))
 
     def _direct(self) -> None:
         # In a thread: slow rendering fills the pipe, which must not delay the legs.

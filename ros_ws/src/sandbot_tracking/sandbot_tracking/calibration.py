@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 NORMALS = {"x": 0, "y": 1, "z": 2}
 LOW_HZ, HIGH_HZ = 0.1, 10000.0
 """Range of plausible frame rates."""
+WIDEST_DEG = 150.0
+"""Widest field of view of a pinhole with a lens; fisheyes have another model."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,12 @@ class Camera:
     fy: float = parameter(unit="px", doc="focal length along image y", low=1.0)
     cx: float = parameter(unit="px", doc="principal point, x")
     cy: float = parameter(unit="px", doc="principal point, y")
-    position_m: tuple[float, ...] = parameter(unit="m", doc="camera centre [x, y, z]")
+    position_m: tuple[float, ...] = parameter(unit="m", doc="camera centre [x, y, z]", low=-10.0, high=10.0)
     rotation: tuple[tuple[float, ...], ...] = parameter(doc="3 rows, trackway axes to camera axes")
     plane: Plane = parameter(doc="plane of the markers: {normal, offset_m}")
     distortion: tuple[float, ...] = parameter((0.0,) * 5, doc="k1, k2, p1, p2, k3")
     frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=LOW_HZ, high=HIGH_HZ)
-    exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=10.0)
+    exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=1.0)
     led_region: tuple[int, ...] | None = parameter(None, unit="px", doc="x, y, width, height of the sync LED", low=0)
     rate_is_known: bool = True
     """False if ``frame_rate_hz`` was not given: a film's own rate then takes precedence over the default."""
@@ -159,7 +161,39 @@ def camera_from_mapping(mapping: Any, where: str) -> Camera:
             raise InputError(f"{where}: {key}: {value} has {len(value)} numbers, expected {lengths[-1]}")
     if isinstance(camera.get("distortion"), list) and len(camera["distortion"]) == 4:
         camera["distortion"] = [*camera["distortion"], 0.0]
-    return replace(from_mapping(Camera, camera, where), rate_is_known="frame_rate_hz" in camera)
+    read = replace(from_mapping(Camera, camera, where), rate_is_known="frame_rate_hz" in camera)
+    if read.rate_is_known:
+        _check_exposure(read, where)
+    _check_picture(read, where)
+    return read
+
+
+def _check_exposure(camera: Camera, where: str) -> None:
+    period_s = 1.0 / camera.frame_rate_hz
+    if camera.exposure_s > period_s:
+        raise InputError(
+            f"{where}: exposure_s: {camera.exposure_s:g} s is longer than a frame, {period_s:.3g} s "
+            f"at frame_rate_hz: {camera.frame_rate_hz:g}"
+        )
+
+
+def _check_picture(camera: Camera, where: str) -> None:
+    """Refuse what a picture of this size can't have."""
+    for name, length_px, focal_px in (("fx", camera.width, camera.fx), ("fy", camera.height, camera.fy)):
+        seen_deg = 2.0 * np.degrees(np.arctan2(length_px, 2.0 * focal_px))
+        if seen_deg > WIDEST_DEG:
+            raise InputError(
+                f"{where}: {name}: {focal_px:g} px for {length_px} px is a field of view of {seen_deg:.0f} degrees, "
+                f"at most {WIDEST_DEG:g}"
+            )
+    if camera.led_region is None:
+        return
+    left, top, width, height = camera.led_region
+    if left + width > camera.width or top + height > camera.height:
+        raise InputError(
+            f"{where}: led_region: {list(camera.led_region)} (x, y, width, height) is not inside the picture, "
+            f"{camera.width} x {camera.height} px"
+        )
 
 
 def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:

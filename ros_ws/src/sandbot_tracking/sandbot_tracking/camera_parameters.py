@@ -17,7 +17,7 @@ class CameraParameters:
     playback: float = parameter(
         1.0, doc="speed at which a film is played; its stamps stay film time", low=0.01, high=10.0
     )
-    exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=10.0)
+    exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=1.0)
 
 
 main = cli.node("sandbot_tracking.nodes.camera_node", CameraParameters)

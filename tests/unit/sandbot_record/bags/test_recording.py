@@ -125,6 +125,15 @@ def test_paused_messages_are_neither_written_nor_lost(tmp_path):
     assert Bag.open(tmp_path / "b").provenance["recording"]["paused"] == "7 to 9, 20 to end"
 
 
+@pytest.mark.parametrize(("steps_ns", "noted"), [([], None), ([15 * 10**9, -2_000_000], "+15.000000, -0.002000")])
+def test_steps_of_the_host_clock_are_noted(tmp_path, steps_ns, noted):
+    made = recording(tmp_path / "b")
+    for step_ns in steps_ns:
+        made.clock_set(step_ns)
+    made.close()
+    assert Bag.open(tmp_path / "b").provenance["recording"].get("clock_set_s") == noted
+
+
 def test_paused_images_leave_the_rest_as_it_is(tmp_path):
     made = recording(tmp_path / "b", images="raw", images_paused=True)
     made.add_topic("/image", "sensor_msgs/msg/Image")

@@ -39,3 +39,12 @@ def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(f
         info = {"received_timestamp": received_ns, "source_timestamp": published_ns, "publication_sequence_number": 1}
         one._deliver(source, b"{}", info)
     assert put == kept
+
+
+def test_a_recorder_notes_when_the_host_clock_is_set():
+    one, noted, steps = object.__new__(Recorder), [], iter([0, 15, 0])
+    one._host_clock, one._recording = SimpleNamespace(look=lambda: next(steps)), SimpleNamespace(clock_set=noted.append)
+    one._poll_graph = lambda: None
+    for _ in range(3):
+        one._poll()
+    assert noted == [15]

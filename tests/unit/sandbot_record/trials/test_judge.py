@@ -166,6 +166,38 @@ def test_a_pause_while_the_legs_moved_is_told(tmp_path, from_s, to_s, said):
         assert row_from_bag(whole).status == "ok"
 
 
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ("+15.000000", "clock: the host's clock was set by +15.00 s"),
+        ("+0.002000, -0.500000", "clock: the host's clock was set by -0.50 s"),
+        ("-0.002000", "ok"),  # less than a frame
+    ],
+)
+def test_a_host_clock_that_was_set_during_the_recording_is_told(tmp_path, steps, said):
+    bag = bags.trial_bag(tmp_path / "b", more=setpoints())
+    add_metadata(bag, "recording", {"exit_status": "ok", "clock_set_s": steps})
+    assert row_from_bag(bag).status == said
+
+
+@pytest.mark.parametrize(
+    ("behind_s", "said"),
+    [
+        (0.0, "ok"),
+        (15.0, "robot: stamps of /leg_states are 15.0 s behind those of /leg_setpoints"),
+        (-3600.0, "robot: stamps of /leg_states are 3600.0 s ahead of those of /leg_setpoints"),
+    ],
+)
+def test_leg_states_by_another_clock_are_told_from_legs_that_fell_silent(tmp_path, behind_s, said):
+    states = []
+    for _, t_s, told in setpoints():
+        stamp = messages.nanoseconds(told.header.stamp) - round(behind_s * 1e9)
+        legs = messages.joint_state(stamp, topics.LEGS, told.position, told.velocity, np.zeros(6))
+        states.append((topics.LEG_STATES, t_s, legs))
+    more = setpoints() + states
+    assert status(tmp_path, kept=lambda topic, t_s: topic != topics.LEG_STATES, more=more) == said
+
+
 def told_by_the_clock(
     gait="SGCS", change=lambda clock, t_s: clock, at_s=2.0, kept=lambda index: True, omega=bags.OMEGA
 ):

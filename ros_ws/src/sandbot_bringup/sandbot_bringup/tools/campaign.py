@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,17 +62,34 @@ def command(argv: Sequence[str]) -> int:
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:
         redo()  # reads the bags before any node waits for us; the later call, in the locked folder, reads only new ones
-    if world is not None:
-        trials, failures = _batch(plan, folder, files, world, options, redo)
-    else:
-        # Imported here, as the live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.nodes.live_node import run_live
+    with _interruptible(folder):
+        if world is not None:
+            trials, failures = _batch(plan, folder, files, world, options, redo)
+            for trial_id, reason in failures.items():
+                print(f"{trial_id}: failed: {reason}")
+        else:
+            # Imported here, as the live runner starts ROS; batch and dry runs must not.
+            from sandbot_bringup.nodes.live_node import run_live
 
-        silence_s = SILENCE_S if options.silence is None else options.silence
-        queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
-        # Its plan may have grown.
-        trials, failures = trials_of(queue.plan), list(queue.failed.items())
+            silence_s = SILENCE_S if options.silence is None else options.silence
+            queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
+            # Its plan may have grown.
+            trials, failures = trials_of(queue.plan), queue.failed
+            if failures:  # the reasons were printed as they came
+                print(filled(f"failed: {', '.join(failures)}"))
     return _finish(folder, trials, failures)
+
+
+@contextmanager
+def _interruptible(folder: CampaignFolder) -> Iterator[None]:
+    """Say how to go on after Ctrl-C, if there is anything to go on with."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if folder.plan_file.exists():
+            batch = " --batch" if folder.truth.exists() else ""
+            print(f"to go on: campaign {folder.path}{batch}; the table so far: table {folder.path}", flush=True)
+        raise
 
 
 def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
@@ -252,8 +269,8 @@ def _batch(
     world: "World",
     options: argparse.Namespace,
     redo: Callable[[], Mapping[str, str]] | None,
-) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
-    """All trials of the final plan, and those that failed; bags of ``redo`` are moved away first."""
+) -> tuple[list[PlannedTrial], dict[str, str]]:
+    """All trials of the final plan, and why some failed; bags of ``redo`` are moved away first."""
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decide
 
@@ -270,22 +287,21 @@ def _batch(
             setup = batch.Setup(plan, world, folder, files)
             todo.sort(key=lambda trial: trial.run_order)
             outcome = runner.run(todo, functools.partial(batch.run_trial, setup), crew)
+            folder.check_there()
             failed |= dict(outcome.failed)
             # A look at an incomplete set of trials would choose other trials than one at all of them.
             if not plan.until or outcome.cut_short or len(folder.missing(trials)) == len(trials):
-                return trials, list(failed.items())
+                return trials, failed
             plan, entry = decide(plan, folder, crew=crew)
             print(filled(f"look {entry['look']}: {entry['text']}"))
             if not entry["next"]:
-                return trials, list(failed.items())
+                return trials, failed
             folder.adopt(plan, files)
 
 
-def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:
+def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Collection[str]) -> int:
     from sandbot_record.trials import from_bags as table
 
-    for trial_id, reason in failures:
-        print(f"{trial_id}: failed: {reason}")
     finished = len(trials) - len(folder.missing(trials))
     if not finished:
         return 1

@@ -61,6 +61,8 @@ NAMELESS = "_NODE_NAME_UNKNOWN_"
 """ROS's name for the node of an endpoint it no longer knows, or not yet. A live commander renews under its own name."""
 _LOOK_S = 0.05
 """How soon an idle node sees that it is to end."""
+LAST_DOMAIN = 232
+"""The last ROS domain whose ports exist: 7400 + 250 * domain. Those above 101 may meet ports of other programs."""
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
@@ -280,7 +282,8 @@ def use_shared_memory(*, frames: bool) -> None:
 
 
 def start_ros(argv: Sequence[str]) -> None:
-    """``rclpy.init`` without its signal handlers. Raises InputError for arguments that ROS can't read."""
+    """``rclpy.init`` without its signal handlers. Raises InputError for arguments or a domain that ROS can't read."""
+    _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
     rclpy.logging.set_logger_level("rcl", LoggingSeverity.FATAL)  # it would add an uninformative line
     try:
         rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
@@ -294,6 +297,12 @@ def start_ros(argv: Sequence[str]) -> None:
     finally:
         if rclpy.logging.get_logger_level("rcl") == LoggingSeverity.FATAL:
             rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
+
+
+def _check_domain(text: str) -> None:
+    """Refuse what Fast DDS has no port for, and then ends the process, or what ROS reads as another number."""
+    if text and not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):
+        raise InputError(f"ROS_DOMAIN_ID: {text!r} is not a whole number from 0 to {LAST_DOMAIN}")
 
 
 def run(

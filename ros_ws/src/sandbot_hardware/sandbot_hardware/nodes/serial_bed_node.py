@@ -12,6 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from sandbot_common import messages, topics
+from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_common.ros import node
 from sandbot_common.ros.command_node import Partners, Rivals
@@ -39,6 +40,7 @@ class SerialBed(Node):
         self._health = node.Health(self, self._figures, sole=True)
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        self._host_clock = HostClock()
         self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning)
         Timer(self, WATCH_S, self._watch)
 
@@ -90,7 +92,8 @@ class SerialBed(Node):
         self._watchdog += line.kind == "W"
         if line.kind == "H" and len(line.values) == 1:
             limits_m = self._given.range_low_m, self._given.range_high_m
-            self._height.publish(messages.range_(received_ns, line.values[0], *limits_m, "bed"))
+            t_ns = received_ns + self._host_clock.ahead_ns()
+            self._height.publish(messages.range_(t_ns, line.values[0], *limits_m, "bed"))
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health

@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.host_clock import HostClock
 from sandbot_common.ros import node
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
@@ -27,7 +28,8 @@ class SerialCamera(Node):
     def __init__(self) -> None:
         super().__init__("serial_camera")
         given = node.Parameters(self, SerialCameraParameters, fixed).current
-        self._frame, self._device_clock = topics.optical_frame(given.camera), DeviceClock()
+        self._frame = topics.optical_frame(given.camera)
+        self._device_clock, self._host_clock = DeviceClock(), HostClock()
         self._info = None
         if given.cameras:
             cameras = read_cameras(given.cameras)
@@ -52,7 +54,8 @@ class SerialCamera(Node):
         if pixels is None:
             self._unreadable += 1
             return
-        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        sent_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        t_ns = sent_ns + self._host_clock.ahead_ns()
         self._frames += 1
         self._image.publish(messages.image(t_ns, self._frame, pixels.astype(np.uint8, copy=False)))
         if self._info is not None:

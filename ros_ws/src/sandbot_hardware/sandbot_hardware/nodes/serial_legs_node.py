@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_common.legs import check_turning
 from sandbot_common.robot import SANDBOT, read_robot
@@ -53,7 +54,7 @@ class SerialLegs(Node):
         self._held: list[float] = []
         self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
-        self._device_clock = DeviceClock()
+        self._device_clock, self._host_clock, self._ahead_ns = DeviceClock(), HostClock(), 0
         self._health = node.Health(self, self._figures, sole=True)
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
@@ -84,6 +85,9 @@ class SerialLegs(Node):
             return
         if moving and not self._moving:
             self._partners.begin(CLOCK)
+        if not (moving or self._moving):
+            # Set-points keep to the wall clock as it was when the walk began; the controller's time is never set.
+            self._ahead_ns = self._host_clock.ahead_ns()
         held = self._held if self._lapsed and self._held else angles
         self._held = held
         self._moving, self._lapsed, self._why = moving, False, ""
@@ -134,7 +138,7 @@ class SerialLegs(Node):
         self._say(self._commanded_ns + silent_ns, held, [0.0] * len(self._order))
 
     def _say(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> bool:
-        return self._port.write(lines.encode("S", t_ns // 1000, *map(float, (*angles, *rates))))
+        return self._port.write(lines.encode("S", (t_ns - self._ahead_ns) // 1000, *map(float, (*angles, *rates))))
 
     def _heard(self, line: Line, received_ns: int) -> None:
         if line.kind == "W":
@@ -142,7 +146,8 @@ class SerialLegs(Node):
             return
         if line.kind not in ("L", "E") or not line.values:
             return
-        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        sent_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        t_ns = sent_ns + self._host_clock.ahead_ns()
         if line.kind == "E":
             self._led.publish(messages.header(t_ns, "sync_led"))
         elif len(line.values) == 1 + 3 * len(self._order):

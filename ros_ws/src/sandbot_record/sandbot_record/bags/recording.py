@@ -24,6 +24,8 @@ from sandbot_record.bags.writer import BagWriter
 SECOND_NS = 1_000_000_000
 PAUSED, PAUSED_TO_THE_END = "paused", "end"
 """Key in the metadata record ``recording`` for the pauses, "FROM to TO, ..." in log times [ns]; TO may be "end"."""
+CLOCK_SET = "clock_set_s"
+"""Key there for the steps by which the host's clock was set meanwhile, "+15.000000, ..." [s]; absent without any."""
 _BATCH_S = 0.01
 """How long messages are collected before they are written: waking up for each costs more than writing it."""
 
@@ -117,6 +119,7 @@ class Recording:
         self.paused = False
         self._pauses: list[str] = []
         self._paused_ns = 0
+        self._clock_set: list[str] = []
         self.images_paused = images_paused
         self._closed = False
         self._check_free()
@@ -196,6 +199,10 @@ class Recording:
             self._paused_ns = now_ns
         self.paused = paused
 
+    def clock_set(self, by_ns: int) -> None:
+        """Note that the host's clock was set by so much: log times before and after don't fit together."""
+        self._clock_set.append(f"{by_ns * 1e-9:+.6f}")
+
     def refuse(self, topic: str, why: str) -> None:
         """Note that a selected topic can't be recorded; the others are recorded all the same."""
         self.refused[topic] = why
@@ -239,13 +246,15 @@ class Recording:
         return records
 
     def summary(self) -> dict[str, str]:
-        """Counts and losses by topic, pauses, and how the recording ended."""
+        """Counts and losses by topic, pauses, steps of the host's clock, and how the recording ended."""
         incomplete = f"incomplete, not recorded: {', '.join(self.refused)}" if self.refused else ""
         values = {"exit_status": self.reason or incomplete or "ok"}
         for name, tally in self.tallies.items():
             values[name] = f"written {tally.written}, lost {tally.lost}, dropped {tally.dropped}"
         if pauses := [*self._pauses, *([f"{self._paused_ns} to {PAUSED_TO_THE_END}"] if self.paused else [])]:
             values[PAUSED] = ", ".join(pauses)
+        if self._clock_set:
+            values[CLOCK_SET] = ", ".join(self._clock_set)
         return values | {name: f"not recorded: {why}" for name, why in self.refused.items()}
 
     @property

@@ -28,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
+from sandbot_common.host_clock import HostClock
 from sandbot_common.ros.node import Health, refuse_parameters, run
 from sandbot_common.ros.timer import Timer
 from sandbot_common.terminal import counted
@@ -164,7 +165,7 @@ class Recorder(Node):
         # In a namespace, record its topics without the namespace prefix, so that bags of all trackways look alike.
         self._space = self.get_namespace().rstrip("/")
         self._selection, self._recording = selection, recording
-        self._trial, self._start_ns = b"", time.time_ns()
+        self._trial, self._start_ns, self._host_clock = b"", time.time_ns(), HostClock()
         self._fresh_from_ns = sys.maxsize if selection.fresh else 0
         self.done = False
         self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
@@ -181,7 +182,7 @@ class Recorder(Node):
         for name in (*selection.names, NOTE.name):
             if name in _KNOWN:
                 self._subscribe(name, _KNOWN[name].type, [])
-        Timer(self, _POLL_S, self._poll_graph)
+        Timer(self, _POLL_S, self._poll)
         recording.on_stop = self._on_stopped
         if selection.end_with_stdin:
             threading.Thread(target=self._wait_for_stdin, name="stdin", daemon=True).start()
@@ -219,6 +220,11 @@ class Recorder(Node):
 
     def _count_lost(self, source: _Source, count: int) -> None:
         self._recording.lose(source.name, count)
+
+    def _poll(self) -> None:
+        if by_ns := self._host_clock.look():
+            self._recording.clock_set(by_ns)
+        self._poll_graph()
 
     def _poll_graph(self) -> None:
         if self._receiver.broken:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sandbot_common import topics
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
-from sandbot_record.bags.recording import PAUSED, PAUSED_TO_THE_END
+from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
 from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
@@ -24,6 +24,8 @@ same for the other topics that a row is computed from, where the recorder counte
 PHASE_TOLERANCE_RAD = 0.05
 """Largest difference between a set-point and that of a whole number of turns earlier."""
 ROBOT_GAP_S = 0.25
+CLOCK_STEP_S = 0.01
+"""Largest step of the host's clock during a recording: a period of the cameras."""
 MIN_FOLLOWED = 0.5
 """Smallest fraction of the commanded angle that the legs must turn; weak motors may fall behind, which is physics."""
 TRACKING_GAP_S = 0.15
@@ -58,7 +60,8 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
         return ""
     end_ns = int(moving[-1])
     return (
-        _paused(bag, start_ns, end_ns)
+        _clock_set(bag)
+        or _paused(bag, start_ns, end_ns)
         or _commands(bag, moving)
         or _periodic(bag, moving, omega_rad_s)
         or _robot(bag, start_ns, end_ns)
@@ -66,6 +69,13 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
         or _bed(bag, start_ns, end_ns)
         or _recording(bag)
     )
+
+
+def _clock_set(bag: Bag) -> str:
+    """Whether the recorder saw the host's clock set: stamps from before and after don't fit together."""
+    steps = [float(step) for step in bag.provenance.get("recording", {}).get(CLOCK_SET, "0").split(",")]
+    largest_s = max(steps, key=abs)
+    return f"clock: the host's clock was set by {largest_s:+.2f} s" if abs(largest_s) > CLOCK_STEP_S else ""
 
 
 def _paused(bag: Bag, start_ns: int, end_ns: int) -> str:
@@ -152,7 +162,7 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
         return "robot: no leg states"
     states = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
     if gap := _gap(states.stamp_ns, start_ns, end_ns, ROBOT_GAP_S):
-        return f"robot: no leg states for {gap}"
+        return _behind(bag) or f"robot: no leg states for {gap}"
     if not _has(bag, topics.LEG_SETPOINTS.name):
         return ""
     commanded = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
@@ -160,6 +170,20 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
     if turned < MIN_FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad commanded"
     return ""
+
+
+def _behind(bag: Bag) -> str:
+    """Whether leg states are stamped by another clock than set-points: their least delays until recorded differ."""
+    if not _has(bag, topics.LEG_SETPOINTS.name):
+        return ""
+    states, commanded = (bag.columns(topic.name, *FIELD_STAMP) for topic in (topics.LEG_STATES, topics.LEG_SETPOINTS))
+    least_ns = [int((legs.log_time_ns - legs.stamp_ns).min()) for legs in (states, commanded)]
+    behind_s = (least_ns[0] - least_ns[1]) * 1e-9
+    if abs(behind_s) <= ROBOT_GAP_S:
+        return ""
+    side = "behind" if behind_s > 0 else "ahead of"
+    names = topics.LEG_STATES.name, topics.LEG_SETPOINTS.name
+    return f"robot: stamps of {names[0]} are {abs(behind_s):.1f} s {side} those of {names[1]}"
 
 
 def _turned(stamps: Times, angles: NDArray[np.float64], start_ns: int, end_ns: int) -> float:
