@@ -256,25 +256,20 @@ def _discovered(
     told = p_in_words(search.fits[verdict.effects])
     named, reported = _reported(search, named)
     verdict = replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(told, 1)))
-    legs = instead_of_a_reading(search, named) if verdict.status in ("adequate", *EXPLAINS_ALL) else None
-    rivals = [*([rival] if rival else []), *([legs.fit] if legs else [])]
-    if rivals:
-        size = f"; {legs.in_words(cells.robot)} explain as much: measure them" if legs else ""
-        covered = "both" if len(rivals) == 1 else "all three"
-        because = f"{verdict.because}{size} (standard errors of Δt and k cover {covered})"
-        verdict = replace(verdict, because=because)
+    rivals, covered = _instead(search, verdict, named, rival)
+    verdict = replace(verdict, because=verdict.because + covered)
     floor = noise_floor(cells)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
     shift = largest_shift(reported, hidden)
     known = {fit.effects for fit in rivals}
-    as_likely = [*rivals, *(fit for fit in equally_simple(reported, hidden) if fit.effects not in known)]
-    said = [shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in as_likely))] if shift else []
-    reported = averaged_with(reported, as_likely)
+    rivals += [fit for fit in equally_simple(reported, hidden) if fit.effects not in known]
+    shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
+    reported = averaged_with(reported, rivals)
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
-    verdict = replace(verdict, because="; ".join((verdict.because, *said)))
+    verdict = replace(verdict, because="; ".join(filter(None, (verdict.because, shifted))))
     return Discovery(
         model=base,
         cells=cells,
@@ -296,6 +291,17 @@ def _discovered(
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
+
+
+def _instead(search: EffectSearch, verdict: Verdict, named: Fit, rival: Fit | None) -> tuple[list[Fit], str]:
+    """Fits that explain as much in another way, so that standard errors must cover them, and what is said of them: the
+    ``rival``, and legs of another radius."""
+    legs = instead_of_a_reading(search, named) if verdict.status in ("adequate", *EXPLAINS_ALL) else None
+    fits = [*([rival] if rival else []), *([legs.fit] if legs else [])]
+    if not fits:
+        return [], ""
+    size = f"; {legs.in_words(search.cells.robot)} explain as much: measure them" if legs else ""
+    return fits, f"{size} (standard errors of Δt and k cover {'both' if len(fits) == 1 else 'all three'})"
 
 
 def _identified_without_nuisances(search: EffectSearch, found: Shared) -> Fit | None:
