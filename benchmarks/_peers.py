@@ -17,6 +17,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sandbot_common.accuracy import USUAL
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of
@@ -30,7 +31,6 @@ from sandbot_model.physics.observables import COLUMNS, Observable, usual_noise
 from sandbot_model.physics.walking import KCurve
 from sandbot_record.trials.table import Trials
 
-Floats = NDArray[np.float64]
 Predict = Callable[[Floats, Floats], Floats]
 """Mean speed [m/s] at φ and ω [rad/s]."""
 Named = tuple[frozenset[str], ...]

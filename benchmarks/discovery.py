@@ -9,7 +9,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -29,6 +28,7 @@ from _peers import (
     speed_only,
 )
 from hidden import NULL, OMEGA, PHI, WORLDS, Hidden
+from sandbot_common.arrays import Bools
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.discover import Discovery, discover
@@ -36,8 +36,6 @@ from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Trials
-
-Bools = NDArray[np.bool_]
 
 SEPARABLE = (
     "disturbed_ground",

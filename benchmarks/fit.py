@@ -14,10 +14,10 @@ from functools import partial
 
 import lmfit
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeWarning, curve_fit, least_squares
 
 from sandbot_common.accuracy import Accuracy
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.fitted import state_at
@@ -30,7 +30,6 @@ from sandbot_model.physics.observables import COLUMNS, usual_noise
 from sandbot_model.physics.walking import Inputs, Walker
 from sandbot_record.trials.table import Row, from_rows
 
-Floats = NDArray[np.float64]
 PHI = np.linspace(0.58, 0.633, 7)
 OMEGA = np.array([4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0])
 K = np.interp(PHI, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])

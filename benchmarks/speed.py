@@ -3,14 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 from scipy.signal import savgol_filter
 
+from sandbot_common.arrays import Floats
 from sandbot_tracking.smooth import smooth
 from sandbot_tracking.speed import HarmonicSpeed
-
-Floats = NDArray[np.float64]
 
 CASES = (("A", 2e-5), ("A", 6e-5), ("A", 5e-4), ("B", 6e-5))
 TRIALS, WARM = 3, 200

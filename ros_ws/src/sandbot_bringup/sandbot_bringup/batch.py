@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbot_bed.protocol import prepare
 from sandbot_bringup.config import robot_of
@@ -28,8 +27,6 @@ from sandbot_lab.world import World, draw_additional, draw_world, null_world, re
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.period import PeriodMeans
-
-Floats = NDArray[np.float64]
 
 BED_STEP_S = 0.02
 DRAIN_S = 0.05

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import Robot
 from sandbot_tracking.calibration import Camera
 
-Floats = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity."""
 

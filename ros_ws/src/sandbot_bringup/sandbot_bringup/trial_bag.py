@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sandbot_bed.protocol import Command, Stage
 from sandbot_bed.status import status_message
 from sandbot_common import messages, topics
+from sandbot_common.arrays import Floats
 from sandbot_common.serialization import to_cdr
 from sandbot_common.topics import Topic
 from sandbot_record.bags.frames import encode_jpeg
@@ -18,8 +19,6 @@ from sandbot_record.bags.writer import BagWriter
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.offline import Sample
 from sandbot_tracking.period import PeriodMean
-
-Floats = NDArray[np.float64]
 
 HEIGHT_PERIOD_S = 0.1
 _INDEX = {name: Topic(index_name(view.image.name), INDEX) for name, view in topics.VIEWS.items()}

@@ -9,14 +9,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import check as check_parameter
 from sandbot_common.parameters import parameter, specs
 from sandbot_common.robot import SANDBOT
-
-Floats = NDArray[np.float64]
 
 TURN = 2 * math.pi
 TRIPOD = SANDBOT.legs_per_tripod

@@ -13,13 +13,13 @@ from sandbot_clock.gait import (
     TRIPOD,
     TRIPOD_B_LAG,
     TURN,
-    Floats,
     Gait,
     angle_of_phase,
     check_omega,
     phase_of_angle,
     tripod_angles,
 )
+from sandbot_common.arrays import Floats
 
 
 @dataclass(frozen=True)

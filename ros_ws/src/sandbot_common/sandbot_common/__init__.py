@@ -9,7 +9,7 @@ typed       types of arguments of the Python API, checked when it is called
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
 files       reading text, YAML, JSON and CSV; atomic writing through a temporary file
 config      where the project's own configuration files are installed
-data_frame  tables as pandas DataFrames
+arrays      the kinds of array; data_frame: tables as pandas DataFrames
 robot       the robot in numbers (robot.yaml); legs: how its c-legs are mounted on their shafts
 accuracy    how well a trial is measured (cameras.yaml)
 crew        parallel work: on worker processes, or

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, Range
 from std_msgs.msg import Float64, Header, String
 
+from sandbot_common.arrays import Floats
 from sandbot_common.topics import FRAME
 
-Floats = NDArray[np.float64]
 _NANO = 1_000_000_000
 
 

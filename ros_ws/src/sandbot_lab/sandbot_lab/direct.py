@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 from math import ceil, nan, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbot_clock.gait import Gait, leg_angles
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_lab.robot import Trace, simulate
 from sandbot_lab.week import Occasion, batch_seed, seen_x_m
 from sandbot_lab.world import World
 
-Floats = NDArray[np.float64]
 Row = dict[str, float | int | str]
 
 COLUMNS = (

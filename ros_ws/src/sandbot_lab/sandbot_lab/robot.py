@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.legs import check_turning
 from sandbot_lab import kernel, resistive_kernel
@@ -19,7 +20,6 @@ from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week, seen_x_m
 from sandbot_lab.world import START_X_M, World
 
-Floats = NDArray[np.float64]
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 
 

@@ -8,15 +8,14 @@ from itertools import islice, takewhile
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_common.topics import LEGS
 from sandbot_lab.cameras import Frame, LabCamera
 from sandbot_lab.robot import BodyState, LabRobot
 from sandbot_lab.week import FIRST, Occasion, seen_x_m
 from sandbot_lab.world import START_X_M, World, null_world
 
-Floats = NDArray[np.float64]
 NANO = 1_000_000_000
 LED_ON_S = 0.05
 """The synchronisation LED flashes this long from the moment the legs start."""

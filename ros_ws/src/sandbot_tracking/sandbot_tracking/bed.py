@@ -11,7 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sandbot_common.arrays import Floats
+
 Frame = NDArray[np.uint8]
 Picture = NDArray[np.float32]
 

@@ -8,8 +8,9 @@ lost one.
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_tracking import disc
-from sandbot_tracking.markers import Floats, Frame, follow
+from sandbot_tracking.markers import Frame, follow
 
 STILL_PX = 3.0
 """Largest apparent motion of a stationary object: camera noise and vibration move it less."""

@@ -15,16 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sandbot_common.accuracy import SECTION, accuracy_from_mapping
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.suggest import did_you_mean
 from sandbot_common.topics import VIEWS
-
-Floats = NDArray[np.float64]
 
 NORMALS = {"x": 0, "y": 1, "z": 2}
 LOW_HZ, HIGH_HZ = 0.1, 10000.0

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sandbot_common.arrays import Floats
 
 _CENTRES = 60
 _WIDTHS = 0.5 * 0.85 ** np.arange(22)

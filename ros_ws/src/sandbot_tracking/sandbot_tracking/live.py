@@ -10,9 +10,9 @@ from heapq import merge
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbot_common import health, topics
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.camera_clock import NANO, CameraClock
@@ -24,8 +24,6 @@ from sandbot_tracking.offline import Axles, OfflineTracker, Sample
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
 from sandbot_tracking.speed import HarmonicSpeed
-
-Floats = NDArray[np.float64]
 
 MAX_HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""

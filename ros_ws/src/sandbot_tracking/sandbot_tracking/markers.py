@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_common.parameters import parameter
 from sandbot_tracking import disc, search
 from sandbot_tracking.bed import Picture
 from sandbot_tracking.rim import rim_table
 
-Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 
 

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.marker_tracker import Counts, MarkerTracker, Marks
 from sandbot_tracking.markers import Frame
 from sandbot_tracking.speed import HarmonicSpeed
-
-Floats = NDArray[np.float64]
 
 REMEMBERED = 4000
 """Smallest number of leg angles kept: several turns of the slowest gait at 1 kHz."""

@@ -15,13 +15,12 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_tracking.speed import HARMONICS, harmonic_model
-
-Floats = NDArray[np.float64]
 
 MISFIT = 4.0
 """Ratio of residual variances, with over without harmonics, from which the harmonic model is rejected."""

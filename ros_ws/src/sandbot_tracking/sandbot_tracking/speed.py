@@ -12,12 +12,10 @@ from functools import lru_cache
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
-
-Floats = NDArray[np.float64]
 
 HARMONICS = 3
 BASE = 2

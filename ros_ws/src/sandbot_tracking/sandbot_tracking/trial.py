@@ -12,13 +12,12 @@ point of the folded curve.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.fold import NotMeasured, check_enough, peak_height, peak_slope
-
-Floats = NDArray[np.float64]
 
 SWIMMING_SLACK = 0.8
 """Smallest plausible ratio of peak to mean speed: 1 for a swimmer, less the error of the peak."""

@@ -26,10 +26,10 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_clock.clock_parameters import ClockParameters
-from sandbot_clock.gait import Floats
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, topics
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from sandbot_common.arrays import Floats, Ints
 
 MOST_LEVELS = 40
 SMALLEST_SCATTER = 2.5e-4

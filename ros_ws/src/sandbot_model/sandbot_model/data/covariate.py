@@ -6,11 +6,8 @@ scatter of replicates. The slope comes from the cell means of neighbouring level
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from sandbot_common.arrays import Bools, Floats, Ints
 
 SIGNIFICANT = 2.0
 """ρ below this many standard errors is taken to be 0."""

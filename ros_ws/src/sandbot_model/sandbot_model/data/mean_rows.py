@@ -5,10 +5,8 @@ scatter too little, or a condition that was never run.
 from decimal import Decimal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from sandbot_common.arrays import Floats, Ints
 
 BY_CHANCE = 1e-3
 """Chance that as many trials equal the means of others, below which they are no trials."""

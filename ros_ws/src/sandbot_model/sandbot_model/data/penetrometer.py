@@ -17,13 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats, Ints
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv
 from sandbot_common.robot import Robot
 from sandbot_common.suggest import near
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 USUAL_SD = 0.02
 """Relative standard deviation of a reading that comes without one."""

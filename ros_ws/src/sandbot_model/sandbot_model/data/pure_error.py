@@ -10,11 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.data.distributions import chi2_ppf, f_sf
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 BATCHES_DIFFER = 1e-3
 """p-value below which replicates of different batches differ by more than those of one, so that this is not noise."""

@@ -4,8 +4,8 @@ The notes are for a reader; no trial is left out because of them.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
@@ -18,10 +18,6 @@ from sandbot_model.physics.geometry import deepest_m, step_from_lift
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.order import began_at
 from sandbot_record.trials.table import OK, Trials, check_usable
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 """Volume fractions that a bed of grains at rest can have."""

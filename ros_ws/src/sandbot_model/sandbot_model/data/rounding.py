@@ -7,7 +7,7 @@ scatter by less are all rounded alike: however many there are, their mean is off
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sandbot_common.arrays import Floats
 
 LEAST_VALUES = 6
 """Distinct values needed to recognise a step."""

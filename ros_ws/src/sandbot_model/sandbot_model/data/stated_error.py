@@ -8,13 +8,10 @@ an estimate from few trials, which is pooled with the others like the scatter of
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_model.data.pure_error import PureError, pooled_error
 from sandbot_model.physics.observables import Observable
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 COLUMNS = ("replicate", "speed_sd_m_s", "speed_sem_m_s", "phi_sd", "n_trials")
 """Columns of the table that say what an error bar is."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from sandbot_common.arrays import Floats, Ints
 
 LEAST_DOF = 8
 """Degrees of freedom within groups and conditions below which groups may agree by chance."""

@@ -5,10 +5,10 @@ If all other trials are explained without such trials, the verdict is that of th
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Ints
 
 FAR_OFF = 6.0
 """Standard errors by which the best model misses a trial that is considered an outlier."""

@@ -14,7 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_common.arrays import Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.data.regime import SURE_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool

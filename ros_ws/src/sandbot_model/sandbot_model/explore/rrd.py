@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import topics
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.files import whole_file
-from sandbot_model.data.conditions import Floats
 from sandbot_model.explore.scene import Scene
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.film import Film

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import topics
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean
-from sandbot_model.data.conditions import Floats, cell_of
+from sandbot_model.data.conditions import cell_of
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import CM, Observable

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sandbot_model.data.conditions import Floats
+from sandbot_common.arrays import Floats
 from sandbot_model.explore.scene import Scene, phases
 from sandbot_model.physics.observables import CM
 from sandbot_model.report import text

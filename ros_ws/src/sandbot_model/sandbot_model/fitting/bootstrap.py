@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sandbot_common.arrays import Ints
 from sandbot_common.errors import InputError
 from sandbot_model.data.clustering import conditions, phi_levels
 from sandbot_model.data.conditions import cells_of
@@ -21,7 +21,6 @@ from sandbot_model.fitting.parallel import Map
 from sandbot_model.physics.model import Model
 from sandbot_record.trials.table import Trials
 
-Ints = NDArray[np.int64]
 Values = dict[str, float]
 LEAST_BATCHES = 3
 """With fewer, batches are not drawn: they say too little about how far batches differ."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.nuisances import Nuisances
@@ -13,7 +14,7 @@ from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
 from sandbot_model.fitting.states import STEP, parameter_steps
 from sandbot_model.fitting.switch import Switches, add_switch_slopes, share_of_nodes, switches_of
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import (
     NODES,
     WEIGHTS,

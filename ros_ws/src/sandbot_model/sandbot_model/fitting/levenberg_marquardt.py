@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.physics.arrays import Array
 
 ITERATIONS = 30
 TOLERANCE = 1e-2

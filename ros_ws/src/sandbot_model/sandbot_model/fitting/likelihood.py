@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import KCurve

@@ -14,9 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.fitting.uncertainty import covariance_of
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b tried, in units of its prior's sd, and how many values are tried."""

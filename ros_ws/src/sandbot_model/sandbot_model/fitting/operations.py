@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.points import CONDITIONS, SEEN, Feet, Pairs, Points
 from sandbot_model.fitting.switch import DROP_M, EDGES, WINDOW
 from sandbot_model.physics import machine
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.machine import OF_CELL, OF_FEET, OF_NODE, OF_ROW
 from sandbot_model.physics.model import Model

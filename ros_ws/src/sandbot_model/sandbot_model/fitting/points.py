@@ -7,8 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.physics import machine
-from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, replace_rows
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.stepwise_profile import ITERATIONS, MATTERS, SIGNIFICANT, stepwise_profile
-from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
 MOVES = 4

@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from sandbot_common.arrays import Ints
 from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.levenberg_marquardt import NOT_SEARCHED, TOLERANCE, bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 
 SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
 """Relative shifts of k tried."""

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_common.arrays import Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.walking import Footing
 
 STEP = 1e-5

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from sandbot_common.arrays import Ints
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.points import Chains, Pairs, Points
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import Footing

@@ -1,8 +1,6 @@
 """The kinds of array the model works with."""
 
-import numpy as np
-from numpy.typing import NDArray
+from sandbot_common.arrays import Bools, Floats
 
-Array = NDArray[np.float64]
-Bool = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+Array = Floats
+Bool = Bools

@@ -15,8 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Ints
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import EVEN, Clock

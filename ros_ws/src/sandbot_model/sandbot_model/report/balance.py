@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sandbot_model.data.conditions import Floats
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import KCurve, depth_grid

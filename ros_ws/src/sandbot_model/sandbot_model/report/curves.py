@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sandbot_model.data.conditions import Floats
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.view import Step, bands
 

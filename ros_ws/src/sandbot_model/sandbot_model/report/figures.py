@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_common.arrays import Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_common.arrays import Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.figures import SYMBOLS, as_json, model_name

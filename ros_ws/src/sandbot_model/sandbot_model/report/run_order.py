@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import Floats, Ints, cell_of
+from sandbot_common.arrays import Floats, Ints
+from sandbot_model.data.conditions import cell_of
 from sandbot_model.data.quality import trend
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import Observable

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_common.arrays import Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.diagnose import StageTest
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry

@@ -11,9 +11,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data import regime
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, same_within
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import NAMES, Observable
 

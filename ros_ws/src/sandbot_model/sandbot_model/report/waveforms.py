@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import topics
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.data.conditions import Cells, Floats, cell_of
+from sandbot_model.data.conditions import Cells, cell_of
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.predictor import Predictor

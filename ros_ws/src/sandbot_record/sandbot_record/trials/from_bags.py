@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import files, topics
+from sandbot_common.arrays import Floats
 from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
@@ -25,7 +26,7 @@ from sandbot_record.trials.cache import Cache, Measured, content_hash, files_of
 from sandbot_record.trials.csv_table import foreign, read_csv, write_csv
 from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
-from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
+from sandbot_record.trials.table import OK, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"

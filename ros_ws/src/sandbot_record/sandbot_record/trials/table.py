@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.accuracy import Accuracy
+from sandbot_common.arrays import Floats
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
@@ -16,7 +17,6 @@ from sandbot_common.robot import Robot
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Floats = NDArray[np.float64]
 OK = "ok"
 CONDITION = ("phi", "omega_rad_s")
 """Needed in every row that is ok."""

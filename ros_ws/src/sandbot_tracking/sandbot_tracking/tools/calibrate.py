@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from sandbot_common import cli, topics
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.files import number_in, read_csv, read_yaml, write_text, writing
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
@@ -24,7 +24,6 @@ from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_ma
 if TYPE_CHECKING:
     from sandbot_tracking.lens import Lens
 
-Floats = NDArray[np.float64]
 
 DICTIONARIES = ("4X4_50", "4X4_250", "5X5_100", "6X6_250", "APRILTAG_36h11")
 USUAL_SIZE = (640, 480)

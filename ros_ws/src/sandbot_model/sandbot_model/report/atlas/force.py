@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import Floats
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import depth_at
 from sandbot_model.physics.observables import CM

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.geometry import chord, deepest_m, depth_at
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material, usual

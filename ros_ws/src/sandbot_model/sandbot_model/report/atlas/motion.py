@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
-from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.observables import CM
 from sandbot_model.report import text
 from sandbot_model.report.atlas.material import Material, Motion

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, same_within
-from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material, determined, nearest

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from plotly.colors import sample_colorscale
 
-from sandbot_model.data.conditions import Floats
+from sandbot_common.arrays import Floats
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import Prediction
 from sandbot_model.report.print_figures import FONT, matplotlib, rgb
