@@ -59,7 +59,7 @@ def test_why_argues_the_verdict_and_the_slider_sets_its_rivals_beside(page, addr
     drawn = "return document.documentElement.dataset.drawn ?? ''"
     page.until(lambda: page.driver.execute_script(drawn) == "light 1")
     said = page.driver.find_element(By.CLASS_NAME, "verdict").text
-    assert said.startswith("Identified. With disturbed_ground")
+    assert said.startswith("Identified. With disturbed ground")
     thick = """const plot = document.getElementById("plot-rivals");
       return plot.data.filter((trace) => trace.showlegend && trace.line.width > 3).map((trace) => trace.name)"""
     assert page.driver.execute_script(thick) == ["+ disturbed ground"]

@@ -377,7 +377,7 @@ OTHERS = [
     folder_and_table("export-no-trial", export, "--out @/x.mp4", "--trial"),
     folder_and_table("export-no-such-trial", export, "--trial row_2 --out @/x.mp4", "row_2", "did you mean 'row2'"),
     folder_and_table("export-no-trial-like-it", export, "--trial nope --out @/x.mp4", "here; known: row2, row3"),
-    folder_and_table("export-no-bag", export, "--trial row2 --out @/x.mp4", "not from bags"),
+    folder_and_table("export-no-bag", export, "--trial row2 --out @/x.mp4", "'row2' is of a table"),
     folder_and_table("export-another-kind", export, "--trial row2 --out @/x.avi", "x.avi", ".rrd or .mp4"),
     folder_and_table("export-below-a-file", export, "--trial row2 --out @/t.csv/x.mp4", "t.csv is not a folder"),
     folder_and_table("export-unknown-effect", export, "--trial row2 --out @/x.mp4 --effects legslip", "'leg_slip'"),

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import distribution
 from pathlib import Path
 from threading import Thread
@@ -25,6 +26,8 @@ PACKAGES = (
 DEMO = ("runs/demo", "")
 FOREIGN = ("demo", "live")
 """Verbs whose processes know nothing of a Ctrl-C that is held back."""
+ENDS_S = 0.5
+"""Time for a process to end at an interrupt of its own before that of the door is handed on to it."""
 LAUNCH = ("ros2", "launch", "sandbot_bringup", "trackway.launch.py")
 
 
@@ -117,7 +120,12 @@ def _run(words: Sequence[str], *, ours: bool) -> int:
 
 
 def _hand_on(process: "subprocess.Popen[bytes]") -> None:
-    """Send the process each interrupt that a process sent; those of the terminal, from the kernel, reach both."""
+    """Send the process each interrupt that a process sent; those of the terminal, from the kernel, reach both.
+
+    One that was sent to both is not doubled for a process that ends at once: a second might spoil its end.
+    """
     while True:
         if signal.sigwaitinfo({signal.SIGINT}).si_code <= 0:
-            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(ENDS_S)
+            process.send_signal(signal.SIGINT)  # nothing, if it has ended

@@ -95,7 +95,7 @@ VERBS = {verb.name: verb for group in GROUPS.values() for verb in group}
 def usage(others: Sequence[str]) -> str:
     """All verbs, a line each; ``others`` are executables that are forwarded to, too."""
     width = max(map(len, VERBS))
-    lines = ["usage: trackway VERB ...      (trackway VERB --help says what a verb takes; trackway --version)"]
+    lines = ["usage: trackway VERB ...      (trackway VERB --help says what a verb takes)"]
     for title, verbs in GROUPS.items():
         lines += ["", f"{title}:", *(f"  {verb.name:<{width}}  {verb.says}" for verb in verbs)]
     return "\n".join([*lines, "", filled(f"one node each: {', '.join(others)}")])

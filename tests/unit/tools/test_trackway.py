@@ -199,7 +199,7 @@ def test_what_is_not_ours_is_never_started_with_ctrl_c_held_back(tmp_path):
 @pytest.mark.parametrize("group", [False, True], ids=["sent to it alone", "sent to all, as by a terminal"])
 def test_an_interrupt_that_a_process_sends_ends_the_verb_too(group):
     """A shell's `kill -INT $!` and a supervisor know the door's process only."""
-    waits = "import signal, sys\nprint('here', flush=True)\ntry: signal.pause()\nexcept KeyboardInterrupt: sys.exit(7)"
+    waits = "import signal, sys\ntry: print('here', flush=True), signal.pause()\nexcept KeyboardInterrupt: sys.exit(7)"
     verb = [sys.executable, "-c", waits]
     opens = f"import sys; from trackway_door.main import _run; sys.exit(_run({verb!r}, ours=False))"
     door_of = [sys.executable, "-c", opens]

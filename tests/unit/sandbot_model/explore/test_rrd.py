@@ -103,4 +103,6 @@ def test_a_table_has_no_trial_to_export_and_what_has_is_said(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     (tmp_path / "one.csv").write_text("trial_id,phi,omega_rad_s,speed_m_s\nt1,0.63,16,0.2\n")
     assert export(["one.csv", "--trial", "t1", "--out", "x.mp4"]) == 2
-    assert ": error: one.csv: a table; v_x(t) and film need a campaign folder or bags\n" in capsys.readouterr().err
+    assert (
+        ": error: trial 't1' is of a table; v_x(t) and film need a campaign folder or bags\n" in capsys.readouterr().err
+    )

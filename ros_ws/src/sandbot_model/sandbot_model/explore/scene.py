@@ -101,6 +101,8 @@ def scene_of(trials: Trials, bags: Mapping[str, Path], fit: Fit, trial_id: str) 
     if not len(rows) or cells[rows[0]] < 0:
         used = did_you_mean(trial_id, trials.trial_id[cells >= 0].tolist())
         raise InputError(f"trial {trial_id!r}: no trial of that name is used here{used}")
+    if not bags:
+        raise InputError(f"trial {trial_id!r} is of a table; {waveforms.NEEDS_BAGS}")
     found, missing = waveforms.read(bags, [trial_id])
     if not found:
         raise InputError(missing[0])

@@ -43,14 +43,11 @@ def _write(args: argparse.Namespace) -> None:
     from sandbot_model.explore.rrd import write_rrd
     from sandbot_model.explore.scene import scene_of
     from sandbot_model.report.provenance import bags_of
-    from sandbot_model.report.waveforms import NEEDS_BAGS
     from sandbot_record.bags.reader import Bag
     from sandbot_record.trials.film import film_of
-    from sandbot_record.trials.read import named
 
-    if not (bags := bags_of(args.data)):
-        raise InputError(f"{named(args.data)}: a table; {NEEDS_BAGS}")
     trials, robot_line, steps = arguments.ladder(args)
+    bags = bags_of(args.data)
     scene = scene_of(trials, bags, steps[-1], args.trial)
     bag = Bag.open(bags[args.trial])
     film = film_of(bag)

@@ -13,13 +13,15 @@ from sandbot_model.report.view import bands, frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NARROW_MM = 120.0
+"""Width up to which two legends have no room for two columns each."""
 TRANSITION = (0.9, 1.0)
 """Range of s/R at which walking ends in the paper."""
 
 
 def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Figs 2b, c: bars span from the last ω that walks to the first that swims."""
-    figure, (left, right) = sheet(width_mm, 0.36 * width_mm, columns=2)
+    figure, (left, right) = sheet(width_mm, 0.3 * width_mm + 14.0, columns=2)
     seen, phis = collapse(material.cells), np.array([band.phi for band in bands(material.cells)])
     phi, omega_c, best = modelled_collapse(material.fit)
     middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
@@ -37,7 +39,7 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
         panel.set_xlabel("volume fraction φ")
         panel.set_ylabel(name)
         panel.set_ylim(0, 1.05 * panel.get_ylim()[1])
-        key(panel, "", columns=3, **ABOVE)
+        key(panel, "", columns=2 if width_mm > NARROW_MM else 1, **ABOVE)
     return figure, (
         "The end of walking: bars span from the last leg frequency that walks to the first that swims (left); the "
         "largest mean speed (right), modelled over all ω (line) and over the measured ω (circles). "
