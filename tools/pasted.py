@@ -71,6 +71,8 @@ def prepared(folder: Path) -> Path:
     (folder / "table.csv").write_text("phi,omega_rad_s,speed_m_s\n0.633,16,0.203\n0.633,16,0.198\n")
     (folder / "robot.yaml").write_text("leg_radius_m: 0.036\n")
     (folder / "plan.yaml").write_text("name: mine\ngait: UNIFORM\nphi: [0.6]\nomega_rad_s: [8]\nreplicates: 1\n")
+    (folder / "mine.csv").write_text((folder / "table.csv").read_text())
+    (folder / "examples").symlink_to(ROOT / "examples")
     (folder / "explorer.yaml").write_text("schema: sandbot.selection/1\nmodel: simple\neffects: [leg_slip]\n")
     return folder
 
