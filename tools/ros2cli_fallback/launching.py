@@ -1,6 +1,5 @@
 """``ros2 launch sandbot_bringup trackway.launch.py``: the workspace's node table as processes."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from ros2cli_fallback.packages import executable
 from ros2cli_fallback.processes import Group, Process, run_until_signalled
 from sandbot_bringup import node_table
 from sandbot_common.errors import InputError
-from sandbot_common.shared_memory import shortage
+from sandbot_common.shared_memory import note_shortage
 
 
 def main(argv: Sequence[str]) -> int:
@@ -32,8 +31,7 @@ def main(argv: Sequence[str]) -> int:
     if args.show_args:
         print(describe(table))
         return 0
-    if short := shortage():
-        print(f"note: {short}", file=sys.stderr)
+    note_shortage()
     return run_until_signalled(Group(processes(entries)))
 
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from ros2cli_fallback.main import real_ros2
 from sandbot_common import cli
+from sandbot_common.shared_memory import NEEDED_BYTES, SHARED_MEMORY
 from sandbot_common.terminal import styled
 from trackway_door.version import version
 
 ROOT = Path(__file__).resolve().parents[2]
-SHARED_MEMORY = Path("/dev/shm")
 PATIENCE_S, LONGEST_S = 20.0, 3600.0
 """For two processes to start and find each other on a busy machine."""
 GIB, MIB = 1 << 30, 1 << 20
@@ -142,14 +142,14 @@ def shared_memory(folder: Path) -> Finding:
     files = f"{len(left)} file{'s' * (len(left) != 1)}"
     told = f"{size / MIB:.0f} MB in {files} of nodes that were killed; {free / GIB:.1f} GB free"
     remedy = f"stop all nodes, then: rm -f {folder}/fastrtps_* {folder}/sem.fastrtps_*"
-    if total < 0.5 * GIB:
-        told = f"{folder} is {total / MIB:.0f} MB, nodes need {0.5 * GIB / MIB:.0f}"
+    if total < NEEDED_BYTES:
+        told = f"{folder} is {total / MIB:.0f} MB, nodes need {NEEDED_BYTES >> 20}"
         return Finding(
             "fail", "shared memory", told, f"docker run --shm-size=1g, or: mount -o remount,size=1g {folder}"
         )
-    if free + size < 0.5 * GIB:
+    if free + size < NEEDED_BYTES:
         remedy = f"{folder} is {total / GIB:.1f} GB: end what else uses it, or: mount -o remount,size=1g {folder}"
-    if free < 0.5 * GIB:
+    if free < NEEDED_BYTES:
         return Finding("fail", "shared memory", told, remedy)
     return Finding("warn" if left else "ok", "shared memory", told if left else f"{free / GIB:.1f} GB free", remedy)
 

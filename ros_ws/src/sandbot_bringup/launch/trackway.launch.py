@@ -9,7 +9,7 @@ from launch_ros.actions import Node
 from launch import LaunchContext, LaunchDescription
 from sandbot_bringup import node_table
 from sandbot_common.ros.node import END_WITH_PARENT
-from sandbot_common.shared_memory import shortage
+from sandbot_common.shared_memory import note_shortage
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -29,8 +29,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext, table: node_table.NodeTable) -> list[Node]:
     """One action per node; when a required one ends, everything stops."""
-    if short := shortage():
-        print(f"note: {short}", file=sys.stderr)
+    note_shortage()
     # Besides the declared arguments, launch keeps every other name:=value it was given, such as bed.pulse_off_s.
     given = {name: value for name, value in context.launch_configurations.items() if _ours(name, table)}
     if any(Path(word).name == node_table.LAUNCH_FILE for word in sys.argv):

@@ -4,6 +4,7 @@ A node takes 8 MB, or 64 if it publishes frames (decision 6). One that gets none
 """
 
 import shutil
+import sys
 from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")
@@ -19,3 +20,9 @@ def shortage(folder: Path = SHARED_MEMORY) -> str:
         f"{folder} is {size >> 20} MB, nodes need {NEEDED_BYTES >> 20}, and messages may be lost: "
         f"docker run --shm-size=1g, or mount -o remount,size=1g {folder}"
     )
+
+
+def note_shortage() -> None:
+    """Say on stderr what is too small, if anything is."""
+    if short := shortage():
+        print(f"note: {short}", file=sys.stderr)

@@ -2,7 +2,6 @@
 
 import math
 import multiprocessing
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -27,7 +26,7 @@ from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.process import real_time
 from sandbot_common.ros.node import start_ros, stop_signals, use_shared_memory
 from sandbot_common.ros.timer import end_timers
-from sandbot_common.shared_memory import shortage
+from sandbot_common.shared_memory import note_shortage
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 
@@ -52,8 +51,7 @@ def run_live(
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
-    if short := shortage():
-        print(f"note: {short}", file=sys.stderr)
+    note_shortage()
     with stop_signals() as stop:
         # ROS's own handlers would end the context before the legs are stopped.
         # Inherited by the receiving threads: late reception would be mistaken for silence.

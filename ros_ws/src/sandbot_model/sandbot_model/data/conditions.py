@@ -21,7 +21,7 @@ from sandbot_model.data.regime import peaks_seen, starts_on_both_tripods, swam_f
 from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
 from sandbot_model.data.stated_error import COLUMNS as STATED_COLUMNS
 from sandbot_model.data.stated_error import of_single_trials, stated_bars, with_stated
-from sandbot_model.data.two_groups import TwoGroups, two_groups
+from sandbot_model.data.two_groups import AGREEING, TwoGroups, far_apart, two_groups
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
@@ -77,7 +77,7 @@ class Cells:
         default=None, metadata={"doc": "(n,), mean position in the run order from -1/2 to 1/2; None: unknown"}
     )
     two_groups: TwoGroups | None = None
-    """The split of the trials that removes most of the scatter of replicates."""
+    """The split of the trials that removes most of the scatter of replicates, if that is questioned."""
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -202,7 +202,7 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     names = tuple(np.unique(trials.gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
-    usual_cell = ~error.own[cell]
+    usual_cell, questioned = ~error.own[cell], far_apart(error.sd, usual).sum() >= AGREEING
     return Cells(
         phi=cell_phi,
         omega=cells.mean(omega),
@@ -228,7 +228,9 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
         order=_run_position(trials.run_order, cells),
         two_groups=two_groups(
             residual[usual_cell], cell[usual_cell], trials.trial_id[usual_cell], trials.run_order[usual_cell]
-        ),
+        )
+        if questioned
+        else None,
     )
 
 

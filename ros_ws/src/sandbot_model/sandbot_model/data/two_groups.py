@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats, Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 
+FAR_APART = 5.0
+"""Ratio of the scatter of replicates to a lab's beyond which it is questioned; a k that jumps by 3 % gives less."""
+AGREEING = 2
+"""Observables in which it must be."""
 LEAST_DOF = 8
 """Degrees of freedom within groups and conditions below which groups may agree by chance."""
 
@@ -23,6 +27,11 @@ class TwoGroups:
     last: str
     first: str
     sd: Floats
+
+
+def far_apart(noise: Floats, usual: Floats) -> Bools:
+    """In which observables ``(4,)`` replicates scatter so far beyond a lab's ``usual`` that it is questioned."""
+    return noise > FAR_APART * usual
 
 
 def two_groups(residual: Floats, cell: Ints, names: NDArray[np.str_], run_order: Floats) -> TwoGroups | None:

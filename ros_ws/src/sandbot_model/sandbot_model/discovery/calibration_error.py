@@ -9,8 +9,7 @@ from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, nuis
 from sandbot_model.discovery.nuisances_in_words import in_words
 from sandbot_model.discovery.sharing import FAR_OFF
 from sandbot_model.discovery.verdict import claim_threshold, leaves_nothing, parts_of
-from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.fitting.fit import Fit
 
 FREE = 1e3
 """Factor on a prior's standard deviation that makes it uninformative."""
@@ -36,7 +35,10 @@ def has_rival(search: EffectSearch, named: Fit) -> bool:
 def _rivals(search: EffectSearch, named: Fit) -> tuple[list[tuple[str, Fit, Miscalibration]], list[Miscalibration]]:
     """What can be miscalibrated beside the best part of a named set, and what of that explains as much as the set."""
     weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
-    free = list(_with_free_reading(search, weakest, batch_sd_of(named) if named.nuisances else ALIKE))
+    key = weakest, batch_sd_of(named) if named.nuisances else ALIKE
+    if key not in search.free_readings:
+        search.free_readings[key] = list(_with_free_reading(search, *key))
+    free = search.free_readings[key]
     threshold = claim_threshold(named, search.criteria)
     return free, [error for _, fit, error in free if fit.deviance - named.deviance < threshold]
 
@@ -60,7 +62,7 @@ def _with_free_reading(
         sd = own.sd.copy()
         sd[place] *= FREE
         freed = replace(own, sd=sd)
-        found = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), freed)), freed)
+        (found,) = search.near([fit.model], fit, freed)
         errors = [(other, *found.shared[at], float(own.sd[at])) for other, at in places.items()]
         yield name, found, max(errors, key=_in_priors)
 

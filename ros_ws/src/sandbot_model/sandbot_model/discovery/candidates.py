@@ -40,8 +40,8 @@ def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
     found = []
     for name, effect in effects.items():
         if (single := fits.get((name,))) is not None:
-            weight = sum(value for key, value in weights.items() if name in key)
             change, cv = (single.deviance - base.deviance, single.bic - base.bic), single.cross_validation
+            weight = _weight_with(name, weights)
             found.append(Candidate(name, effect.stage, *change, cv.rmse["speed"], cv.cells, weight))
     return sorted(found, key=lambda candidate: candidate.delta_bic)
 
@@ -58,10 +58,15 @@ def nearly_claimed(fits: Sets, criteria: Criteria) -> str:
     """What an effect lacks for a claim if the sets with it outweigh all others; empty if there is none such."""
     weights = bic_weights(fits)
     for key, fit in fits.items():
-        heavy = len(key) == 1 and sum(value for names, value in weights.items() if key[0] in names) > HEAVY
+        heavy = len(key) == 1 and _weight_with(key[0], weights) > HEAVY
         if heavy and sound(fit) and not gains_enough(fits, key, (), criteria):
             return f"{key[0]} {why_not_claimed(fits, fit, criteria)}"
     return ""
+
+
+def _weight_with(name: str, weights: Mapping[tuple[str, ...], float]) -> float:
+    """Weight of all sets with an effect."""
+    return sum(value for names, value in weights.items() if name in names)
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

@@ -41,6 +41,7 @@ from sandbot_model.fitting.global_minimum import (
     solve_near_further,
     worth_jumps,
 )
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
@@ -82,6 +83,8 @@ class EffectSearch:
         """Cache: the deepest plausible fit of a set, without and with its reported standard errors (``discover``)."""
         self.formulas: dict[Fit, SuggestedFormula] = {}
         """Cache: the formula that repairs most of what a fit misses (``formula_search``)."""
+        self.free_readings: dict[tuple[Fit, object], list[Any]] = {}
+        """Cache: a fit with each zero or scale left free, by its batch SDs (``calibration_error``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
         for name in self.names:
@@ -130,9 +133,9 @@ class EffectSearch:
         """The model of a set, with some parameters held at given values."""
         return model_of(self.base, names, self.effects, self.cells.robot, held)
 
-    def near(self, models: Sequence[Model], smaller: Fit) -> list[Fit]:
-        """Models fitted from a warm start at the fit of a smaller model, with its nuisances."""
-        shared = smaller.nuisances
+    def near(self, models: Sequence[Model], smaller: Fit, nuisances: Nuisances | None = None) -> list[Fit]:
+        """Models fitted from a warm start at the fit of a smaller model, with its nuisances if no others are given."""
+        shared = smaller.nuisances if nuisances is None else nuisances
         points = self.fit_all(solve_near, [(model, self.cells, (smaller.warm_start,), shared) for model in models])
         return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
 

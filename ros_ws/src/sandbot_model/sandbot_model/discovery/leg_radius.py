@@ -19,9 +19,8 @@ from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, nuisances_for
 from sandbot_model.discovery.plausibility import DIFFERENT
 from sandbot_model.discovery.sharing import Shared
-from sandbot_model.discovery.verdict import EXPLAINS_ALL, parts_of, passes
-from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.discovery.verdict import EXPLAINS_ALL, either, parts_of, passes
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.physics.observables import CM
 
@@ -69,8 +68,7 @@ def instead_of_effects(search: EffectSearch, found: Shared) -> str:
         fit = search.fits[part]
         legs = _with_free_radius(search, fit, nuisances_for(fit, search.criteria, batch_sd))
         if legs and passes(legs.fit, search.criteria) and not (claimed and _fits_worse(legs.fit, found.named)):
-            what = " or ".join(" + ".join(names) for names in claimed)
-            much = f"explain as much as {what}" if claimed else "would leave nothing to explain"
+            much = f"explain as much as {either(claimed)}" if claimed else "would leave nothing to explain"
             return f"{legs.in_words(search.cells.robot)} {much}: measure them"
     return ""
 
@@ -97,8 +95,7 @@ def _with_free_radius(search: EffectSearch, fit: Fit, nuisances: Nuisances) -> L
     """The fit at its best radius; None if that is an end of what is tried."""
     robots = list(_robots(search.cells.robot))
     models = [replace(fit.model, robot=robot) for robot in robots]
-    points = search.fit_all(solve_near, [(model, fit.cells, (fit.warm_start,), nuisances) for model in models])
-    fits = [fitted_at(model, fit.cells, point, nuisances) for model, point in zip(models, points, strict=True)]
+    fits = search.near(models, fit, nuisances)
     deviance = np.array([one.deviance for one in fits])
     best = int(np.argmin(deviance))
     if best in (0, len(fits) - 1):

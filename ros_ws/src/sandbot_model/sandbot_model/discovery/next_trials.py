@@ -231,13 +231,8 @@ def _chi2_after_refitting(first: Predicted, second: Predicted, trials: Sequence[
     """χ² that these trials are expected to leave if one set is true and the other is refitted to them and all data, to
     first order: gᵀ(N + S)⁻¹g with the gaps g of all observables, their noise N, and the covariance S of the refitted
     set's predictions. The smaller of both ways round."""
-    phi, omega = (
-        [int(np.flatnonzero(axis == at)[0]) for at in values]
-        for axis, values in (
-            (first.phi, [trial.phi for trial in trials]),
-            (first.omega, [trial.omega_rad_s for trial in trials]),
-        )
-    )
+    phi = [first.phi.tolist().index(trial.phi) for trial in trials]
+    omega = [first.omega.tolist().index(trial.omega_rad_s) for trial in trials]
     count = np.array([trial.replicates for trial in trials])[:, None]
     gap = (first.trials - second.trials)[phi, omega].ravel()
 

@@ -5,7 +5,6 @@ of dozens of conventions of an effect of either sign may fit, with no rival. The
 is no effect, but if it does as well, neither is to be believed.
 """
 
-import copy
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -55,6 +54,5 @@ def _turned(effect: Effect, parameter: Parameter) -> Effect:
     """The effect with the range of its strength reflected at the neutral value."""
     neutral = float(parameter.neutral or 0.0)
     low, start = 2 * neutral - parameter.high, 2 * neutral - parameter.start
-    turned = copy.copy(effect)
-    turned.parameters = (replace(parameter, low=low, high=neutral, start=start, hard_low=-np.inf, hard_high=neutral),)
-    return turned
+    turned = replace(parameter, low=low, high=neutral, start=start, hard_low=-np.inf, hard_high=neutral)
+    return effect.with_parameters((turned,))

@@ -13,7 +13,6 @@ Three cases, tried in this order:
 In none of them is it named if it needs a k far from that of grains.
 """
 
-import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -240,12 +239,12 @@ def _searched_further(search: EffectSearch) -> dict[Names, Fit]:
 def _opened(fit: Fit) -> Effect:
     """The effect of a fit with a wider search for its ``stopped`` parameters."""
     (effect,) = fit.model.effects
-    opened = copy.copy(effect)
-    opened.parameters = tuple(
-        replace(parameter, reach=OPEN) if f"{effect.identifier}.{parameter.name}" in fit.stopped else parameter
-        for parameter in effect.parameters
+    return effect.with_parameters(
+        tuple(
+            replace(parameter, reach=OPEN) if f"{effect.identifier}.{parameter.name}" in fit.stopped else parameter
+            for parameter in effect.parameters
+        )
     )
-    return opened
 
 
 def _as_good(singles: Mapping[Names, Fit], leader: Fit, criteria: Criteria) -> list[Fit]:

@@ -17,6 +17,7 @@ import numpy as np
 from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.regime import SURE_LIFT_M, walks
+from sandbot_model.data.two_groups import AGREEING, far_apart
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import fastest_phase_ratio
@@ -37,12 +38,8 @@ PUSH_TOLERANCE = 0.03
 DIFFERENT, EQUAL = 0.12, 0.04
 """Relative difference beyond which two radii count as different, and up to which they count as equal."""
 
-FAR_APART = 5.0
-"""Ratio of the scatter of replicates to a lab's beyond which it is questioned; a k that jumps by 3 % gives less."""
 SPLIT_OFF = 0.9
 """Share of the variance of replicates that a split removes if they are of two robots; of a steady drift it is 3/4."""
-AGREEING = 2
-"""Observables in which both must hold."""
 
 
 def in_doubt(cells: Cells) -> str:
@@ -84,8 +81,8 @@ def _two_set_ups(cells: Cells) -> str:
     """The two groups into which replicates fall, and their scatter; empty where they don't."""
     if (groups := cells.two_groups) is None:
         return ""
-    far_apart = cells.noise > FAR_APART * usual_noise(cells.accuracy)
-    split_off = far_apart & (groups.sd**2 < (1 - SPLIT_OFF) * cells.noise**2)
+    questioned = far_apart(cells.noise, usual_noise(cells.accuracy))
+    split_off = questioned & (groups.sd**2 < (1 - SPLIT_OFF) * cells.noise**2)
     if split_off.sum() < AGREEING:
         return ""
     scatter = ", ".join(

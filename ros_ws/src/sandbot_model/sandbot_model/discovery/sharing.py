@@ -43,6 +43,7 @@ from sandbot_model.discovery.verdict import (
     Verdict,
     claim_threshold,
     earns_place,
+    either,
     gains_enough,
     judge,
     leaves_nothing,
@@ -403,7 +404,7 @@ def _on_rough_ground(search: EffectSearch) -> Fit:
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, batch_sd: BatchSd, criteria: Criteria) -> Verdict:
     """The verdict with the nuisances that it assumes, and what it would be without them."""
     words = _batch_terms_in_words(fit, batch_sd, criteria) + significant(fit)
-    sets = " or ".join(" + ".join(names) for names in plain.alternatives or (plain.effects,))
+    sets = either(plain.alternatives or (plain.effects,))
     named = f"{plain.status}: {sets}" if sets else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
     because = f"{verdict.because}, allowing for {taken}"

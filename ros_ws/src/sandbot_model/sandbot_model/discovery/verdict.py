@@ -315,6 +315,11 @@ def _name(effects: tuple[str, ...]) -> str:
     return " + ".join(effects) or "the base model"
 
 
+def either(sets: Iterable[tuple[str, ...]]) -> str:
+    """``leg_slip or bed_slope + cohesion``."""
+    return " or ".join(map(" + ".join, sets))
+
+
 def _nothing(fit: Fit) -> str:
     return f"{fit.cells.pure_error_from} nothing to explain {p_in_words(fit)}"
 

@@ -1,5 +1,6 @@
 """An effect: a formula at one stage of the chain, with parameters that have plausible ranges."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -112,6 +113,12 @@ class Effect:
     """Parameters of the base model that the effect makes meaningless, a subset of ``REPLACEABLE``."""
     variant: str = ""
     """Name of its convention, if it is a variant of the effect with the same identifier (see ``variants``)."""
+
+    def with_parameters(self, parameters: tuple[Parameter, ...]) -> "Effect":
+        """The same effect with other ranges or limits of its parameters."""
+        found = copy.copy(self)
+        found.parameters = parameters
+        return found
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Change the chain's quantities; ``p`` holds this effect's parameters by name."""

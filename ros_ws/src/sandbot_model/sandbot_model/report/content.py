@@ -129,12 +129,15 @@ def _named(found: Discovery) -> tuple[tuple[str, tuple[NamedEffect, ...]], ...]:
     """The sets that the verdict names, with a heading where it can't tell which of several holds."""
     sets = named_sets(found)
     either = ("Either ", *["Or "] * (len(sets) - 1)) if len(sets) > 1 else ("",)
-    return tuple(
-        (f"{which}{' + '.join(map(readable, names))}", tuple(_named_effect(name, "", found, fit) for name in names))
-        if which and len(names) > 1
-        else ("", tuple(_named_effect(name, which, found, fit) for name in names))
-        for which, (names, fit) in zip(either, sets, strict=False)
-    )
+    return tuple(_named_set(which, names, found, fit) for which, (names, fit) in zip(either, sets, strict=False))
+
+
+def _named_set(
+    which: str, names: tuple[str, ...], found: Discovery, fit: Fit | None
+) -> tuple[str, tuple[NamedEffect, ...]]:
+    """The heading of one of several sets, which a single effect bears itself, and the effects of the set."""
+    heading = f"{which}{' + '.join(map(readable, names))}" if which and len(names) > 1 else ""
+    return heading, tuple(_named_effect(name, "" if heading else which, found, fit) for name in names)
 
 
 def _named_effect(name: str, which: str, found: Discovery, fit: Fit | None) -> NamedEffect:
