@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from skimage.measure import label, regionprops
 
 from _ratios import Ratio
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_tracking.bed import Picture, background
 from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
 
-Frame = NDArray[np.uint8]
 Method = Callable[[Frame, Floats], Floats]
 
 RADIUS, GREY, CONTRAST, GRAIN, NOISE = 8.0, 60.0, 170.0, 10.0, 6.0

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.calibration import Calibration, calibration
@@ -20,8 +20,6 @@ from sandbot_lab.drawing import draw_box, draw_disc
 from sandbot_lab.film import Film
 from sandbot_lab.scenery import Scenery
 from sandbot_lab.spoiler import Spoiler, check_jitter
-
-Frame = NDArray[np.uint8]
 
 BODY_LENGTH_M, BODY_WIDTH_M, BODY_HEIGHT_M = 0.30, 0.15, 0.12
 MARKER_RADIUS_PX = 6.0

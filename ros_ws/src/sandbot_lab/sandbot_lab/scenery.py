@@ -6,14 +6,11 @@ random numbers, so that the noise of a frame is the same without it.
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.robot import Robot
 from sandbot_lab.calibration import Calibration
 from sandbot_lab.drawing import draw_stroke
-
-Frame = NDArray[np.uint8]
 
 LEG_GREY, PRINT_GREY, SURFACE_GREY, SCALE_GREY = 98.0, 24.0, 100.0, 108.0
 STROKE_PX = 2.0

@@ -4,11 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Frame
 from sandbot_common.errors import InputError
 from sandbot_lab.drawing import draw_box, draw_disc
 from sandbot_lab.film import Film
-
-Frame = NDArray[np.uint8]
 
 GLINT_GREY, CABLE_GREY = 240.0, 30.0
 CABLE_AT = 0.4

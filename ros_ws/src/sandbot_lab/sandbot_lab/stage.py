@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.topics import LEGS
-from sandbot_lab.cameras import Frame, LabCamera
+from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import BodyState, LabRobot
 from sandbot_lab.week import FIRST, Occasion, seen_x_m
 from sandbot_lab.world import START_X_M, World, null_world

@@ -11,9 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 
-Frame = NDArray[np.uint8]
 Picture = NDArray[np.float32]
 
 MIN_FRAMES, MAX_FRAMES = 8, 40

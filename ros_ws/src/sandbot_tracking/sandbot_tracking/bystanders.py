@@ -8,9 +8,9 @@ lost one.
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_tracking import disc
-from sandbot_tracking.markers import Frame, follow
+from sandbot_tracking.markers import follow
 
 STILL_PX = 3.0
 """Largest apparent motion of a stationary object: camera noise and vibration move it less."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Frame
 from sandbot_common.errors import InputError
-from sandbot_tracking.markers import Frame
 
 
 class LedEdge:

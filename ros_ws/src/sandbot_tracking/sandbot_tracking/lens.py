@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
-from sandbot_tracking.source import Frame, Source
+from sandbot_tracking.source import Source
 
 
 @dataclass(frozen=True)

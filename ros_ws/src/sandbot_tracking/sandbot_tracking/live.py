@@ -12,14 +12,13 @@ import cv2
 import numpy as np
 
 from sandbot_common import health, topics
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.camera_clock import NANO, CameraClock
 from sandbot_tracking.frame_times import FrameTimes
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.marker_tracker import Marks
-from sandbot_tracking.markers import Frame
 from sandbot_tracking.offline import Axles, OfflineTracker, Sample
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans

@@ -15,13 +15,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_tracking.bed import StillBed
 from sandbot_tracking.bystanders import Bystanders
 from sandbot_tracking.disc import GREY_STEP, RADIUS
-from sandbot_tracking.markers import Appearance, Frame, detect, follow, is_marker
+from sandbot_tracking.markers import Appearance, detect, follow, is_marker
 
 LEARN_EVERY = 4
 """Frames between updates of bed and bystanders: they change slowly, and an update costs ten times a marker."""

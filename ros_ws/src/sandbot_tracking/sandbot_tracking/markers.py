@@ -7,15 +7,12 @@ disc.py, which reaches the camera-noise bound: benchmarks/tracking.md.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.parameters import parameter
 from sandbot_tracking import disc, search
 from sandbot_tracking.bed import Picture
 from sandbot_tracking.rim import rim_table
-
-Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.marker_tracker import Counts, MarkerTracker, Marks
-from sandbot_tracking.markers import Frame
 from sandbot_tracking.speed import HarmonicSpeed
 
 REMEMBERED = 4000

@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.arrays import Frame
 from sandbot_common.errors import InputError
-
-Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
