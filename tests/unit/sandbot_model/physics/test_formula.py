@@ -16,6 +16,7 @@ from sandbot_model.physics.effect import STAGES
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.symbols import listed
 from sandbot_model.physics.tape import record
+from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.physics.walking import Inputs, Walker
 
 
@@ -300,7 +301,8 @@ class Straggler:
 
 @pytest.mark.slow
 def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
-    """As the explorer does, which reads the address's formulas in each of its threads."""
+    """As the explorer does, which reads the address's formulas, and typesets those of its effects, in each of its
+    threads."""
     usual = gc.get_threshold()
     gc.set_threshold(20)
 
@@ -308,6 +310,7 @@ def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
         for _ in range(300):
             Straggler()
             formula_effect("boost: strength: k*(1 + a*(phi - (0.6 + 0*(k - 1)))); a in 0.5..2")
+            mathml_in_pieces("k -> k*(1 + a*(phi - (0.6 + 0*(k - 1))))")
 
     try:
         with ThreadPoolExecutor(4) as threads:

@@ -28,6 +28,7 @@ from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name, is_range
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, settable, stage_of
+from sandbot_model.physics.syntax import tree
 from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
@@ -63,7 +64,6 @@ _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
     "": lambda old, new: _broadcast_like(old, new),
 }
 _TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
-_PARSING = threading.Lock()
 _PLAIN = (
     *(ast.Expr, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call),
     *(ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
@@ -216,12 +216,8 @@ def _parameter(text: str, whole: str) -> Parameter:
 
 
 def _parsed(expression: str, text: str) -> ast.Expr:
-    """The expression as a tree, parsed in one thread at a time: Python 3.11 counts the depth of all threads' trees
-    together and raises SystemError where a second one begins within the first (CPython issue 106905).
-    """
     try:
-        with _PARSING:
-            parsed = ast.Expr(_ComparisonsAsNumbers().visit(ast.parse(expression, mode="eval").body))
+        parsed = ast.Expr(_ComparisonsAsNumbers().visit(tree(expression)))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
         at = expression[max((getattr(error, "offset", None) or 0) - 1, 0) :].strip()

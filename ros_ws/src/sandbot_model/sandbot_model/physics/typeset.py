@@ -14,6 +14,8 @@ from collections.abc import Callable
 from html import escape
 from typing import NamedTuple
 
+from sandbot_model.physics.syntax import tree
+
 LETTERS = (
     "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega",
     "αβγδεζηθκλμνξπρστφχψω",
@@ -101,7 +103,7 @@ def _line(statement: Statement) -> str:
 
 
 def _shown(expression: str) -> tuple[str, int]:
-    return _node(ast.parse(expression, mode="eval").body)
+    return _node(tree(expression))
 
 
 def _node(node: ast.expr) -> tuple[str, int]:
