@@ -20,7 +20,8 @@ bags/             (knows nothing of trials)
   foreign         bags of other storages and encodings, read through rosbags; translate: messages of other releases
 trials/
   read            read_trials: one table from a campaign folder, bags or CSV files
-  table           Trials: one row per trial; csv_table, frame: from CSV and pandas; order, copies: of its rows
+  table           Trials: one row per trial; columns: what they hold; order, copies: of its rows
+  csv_table       from and to CSV; header: which column a name means, in which unit; frame: from pandas
   setting         what all trials share: robot, frame rate, accuracy
   from_bags       one bag to one row; a campaign to a table, in parallel; cache: so that no bag is read twice
   judge           whether a trial went as planned; publishers: whether it alone published; legs: by name

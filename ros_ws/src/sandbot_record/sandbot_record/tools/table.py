@@ -14,7 +14,7 @@ from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import to_csv, write_csv
 from sandbot_record.trials.read import read
-from sandbot_record.trials.table import OK, Trials
+from sandbot_record.trials.table import MEASURED, OK, REQUIRED, Trials
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,7 +70,7 @@ def _table(argv: Sequence[str]) -> int:
 
 def _gaps(usable: Trials) -> list[str]:
     """In how many trials, at which frequencies, each column besides the mean speed has no value."""
-    missing = {name: np.isnan(getattr(usable, name)) for name in ("lift_m", "peak_speed_m_s", "first_step_m")}
+    missing = {name: np.isnan(getattr(usable, name)) for name in MEASURED if name not in REQUIRED}
     return [
         f"{name} in {gap.sum()} of {len(usable)} usable trials, at "
         f"{', '.join(f'{omega:g}' for omega in np.unique(usable.omega_rad_s[gap]))} rad/s"

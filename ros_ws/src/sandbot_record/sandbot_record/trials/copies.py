@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, groupby
 
-from sandbot_record.trials.table import OK, Row
+from sandbot_record.trials.table import MEASURED, OK, Row
 
 LONG_DIGITS = 6
 """Digits from which a measured value does not agree by chance in two trials; a ratio such as 1 m in 5.3 s still may."""
@@ -162,7 +162,7 @@ def digits(value: float) -> int:
 
 def measured(row: Row) -> tuple[float, ...]:
     """The four observables."""
-    return row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m
+    return tuple(getattr(row, name) for name in MEASURED)
 
 
 def _condition(row: Row) -> tuple[float, float, str]:

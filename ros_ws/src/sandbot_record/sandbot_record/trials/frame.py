@@ -4,7 +4,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from sandbot_record.trials.copies import mark_copies
-from sandbot_record.trials.csv_table import rows_of, unread
+from sandbot_record.trials.csv_table import rows_of
+from sandbot_record.trials.header import unread
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.table import Trials, from_rows
 

@@ -23,10 +23,11 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge, publishers
 from sandbot_record.trials.cache import CACHE as CACHE
 from sandbot_record.trials.cache import Cache, Measured, content_hash, files_of
-from sandbot_record.trials.csv_table import foreign, read_csv, write_csv
+from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.header import foreign
 from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
-from sandbot_record.trials.table import OK, Row, Trials, from_rows
+from sandbot_record.trials.table import MEASURED, OK, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
@@ -93,14 +94,7 @@ def _read(path: Path) -> Measured:
         summary, frame_rate_hz = _summary(bag, _robot(plan, setting))
     except InputError as error:
         return replace(row, status=str(error).removeprefix(f"{path}: ")), setting
-    row = replace(
-        row,
-        speed_m_s=summary.speed_m_s,
-        speed_sd_m_s=summary.speed_sd_m_s,
-        lift_m=summary.lift_m,
-        peak_speed_m_s=summary.peak_speed_m_s,
-        first_step_m=summary.first_step_m,
-    )
+    row = replace(row, **{name: getattr(summary, name) for name in (*MEASURED, "speed_sd_m_s")})
     begun_ns = start_ns(bag)
     ready = [(t_ns, number_or_nan(values.get("phi"))) for t_ns, values in bed if values.get("stage") == "ready"]
     fault = publishers.fault(bag, begun_ns, ready) or judge.fault(bag, begun_ns, row.omega_rad_s)

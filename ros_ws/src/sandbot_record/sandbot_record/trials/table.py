@@ -13,6 +13,19 @@ from sandbot_common.arrays import Floats
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
+from sandbot_record.trials.columns import (
+    LEG_FREQUENCY,
+    LENGTH,
+    LIFT,
+    NUMBER_OF_TRIALS,
+    SD_OF_SPEED,
+    SPEED,
+    STANDARD_DEVIATION,
+    VOLUME_FRACTION,
+    Column,
+    number,
+    text,
+)
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -22,40 +35,43 @@ CONDITION = ("phi", "omega_rad_s")
 """Needed in every row that is ok."""
 REQUIRED = (*CONDITION, "speed_m_s")
 """Needed of a trial that is used."""
-TEXTS = ("trial_id", "gait", "status", "batch", "started")
-ORDER_AND_TIME = ("batch", "run_order", "started")
-OF_MEANS = ("speed_sem_m_s", "n_trials")
-"""Columns of rows that are means of trials."""
+MEASURED = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
+"""The four observables."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One trial."""
+    """One trial. A field is a column of the table: what it holds, and what else it may be called in a CSV."""
 
-    trial_id: str = ""
-    phi: float = math.nan
-    phi_sd: float = math.nan
-    omega_rad_s: float = math.nan
-    gait: str = ""
-    replicate: float = math.nan
-    speed_m_s: float = math.nan
-    speed_sd_m_s: float = math.nan
-    lift_m: float = math.nan
-    peak_speed_m_s: float = math.nan
-    first_step_m: float = math.nan
-    batch: str = ""
+    trial_id: str = text()
+    phi: float = number(VOLUME_FRACTION, "phi", "φ", "volume_fraction", "packing_fraction", "solid_fraction")
+    phi_sd: float = number(STANDARD_DEVIATION)
+    omega_rad_s: float = number(
+        LEG_FREQUENCY, "omega", "ω", "frequency", "freq", "f", "leg_frequency", "limb_frequency"
+    )
+    gait: str = text()
+    replicate: float = number()
+    speed_m_s: float = number(SPEED, "speed", "mean_speed", "average_speed", "forward_speed", "velocity", "v")
+    speed_sd_m_s: float = number(SD_OF_SPEED, "speed_sd")
+    lift_m: float = number(LIFT, "lift", "body_lift", "δz", "∆z")
+    peak_speed_m_s: float = number(SPEED, "peak_speed")
+    first_step_m: float = number(LENGTH, "first_step")
+    batch: str = text(optional=True)
     """The group of trials with common conditions: a day, a preparation of the bed, a block of the plan."""
-    run_order: float = math.nan
-    started: str = ""
+    run_order: float = number(optional=True)
+    started: str = text(optional=True)
     """ISO 8601."""
-    speed_sem_m_s: float = math.nan
+    speed_sem_m_s: float = number(
+        SD_OF_SPEED, "speed_sem", "speed_se", "speed_stderr", "speed_standard_error", optional=True
+    )
     """Standard error of a mean of trials."""
-    n_trials: float = math.nan
+    n_trials: float = number(NUMBER_OF_TRIALS, "n", "replicates", "number_of_trials", optional=True)
     """The number of trials of which the row is the mean."""
-    status: str = OK
+    status: str = text(OK)
 
 
-COLUMNS = tuple(field.name for field in fields(Row))
+COLUMNS: dict[str, Column] = {own.name: own.metadata["column"] for own in fields(Row)}
+"""The columns by name, in order."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,8 +152,8 @@ def from_rows(
 ) -> Trials:
     """A table of rows, with what they share."""
     columns: dict[str, Any] = {
-        name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in TEXTS else np.float64)
-        for name in COLUMNS
+        name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if column.is_text else np.float64)
+        for name, column in COLUMNS.items()
     }
     return Trials(**columns, robot=robot, frame_rate_hz=frame_rate_hz, accuracy=accuracy)
 
