@@ -16,8 +16,8 @@ from sensor_msgs.msg import Image
 
 from sandbot_bringup import node_table
 from sandbot_common import messages, topics
-from sandbot_common.files import read_yaml
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 
 PICTURES, SPEED_M_S, LIFT_M, SEEN_S = 100, 0.2, 0.025, 2.0
@@ -49,7 +49,7 @@ def driver(me: Any, camera: str, rate_hz: float) -> Callable[[], None]:
     view = LabCamera(camera, section, seed=3)
     pictures = [view.render(0.3 + SPEED_M_S * n / rate_hz, LIFT_M) for n in range(PICTURES)]
     coming: Iterator[Any] = cycle(pictures + pictures[::-1])
-    out = node.publisher(me, topics.VIEWS[camera].image)
+    out = endpoints.publisher(me, topics.VIEWS[camera].image)
     while not out.get_subscription_count():
         time.sleep(0.1)
     time.sleep(SEEN_S)
@@ -77,8 +77,8 @@ def heard(me: Any, role: str, seconds: float) -> list[int]:
     if role == "hears":
         me.create_subscription(Image, "bare", hear, 10)
     else:
-        node.subscription(me, topics.SPEED, hear)
-        legs, still = node.publisher(me, topics.LEG_STATES), np.zeros(len(topics.LEGS))
+        endpoints.subscription(me, topics.SPEED, hear)
+        legs, still = endpoints.publisher(me, topics.LEG_STATES), np.zeros(len(topics.LEGS))
         me.create_timer(1 / LEGS_HZ, say)
     end = time.monotonic() + seconds
     while time.monotonic() < end:

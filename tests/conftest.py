@@ -122,7 +122,7 @@ class Beside:
         """The answer of a Trigger service."""
         from std_srvs.srv import Trigger
 
-        from sandbot_common.ros.node import ask
+        from sandbot_common.ros.service import ask
 
         client = self.node.create_client(Trigger, service)
         self.until(client.service_is_ready)

@@ -28,8 +28,11 @@ from sandbot_common import messages, topics
 from sandbot_common.cli import INTERRUPTED
 from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.errors import InputError
-from sandbot_common.files import dump_yaml, write_text
-from sandbot_common.ros.node import Stop, stop_signals, subscription, use_shared_memory
+from sandbot_common.files import write_text
+from sandbot_common.ros.endpoints import subscription
+from sandbot_common.ros.node import use_shared_memory
+from sandbot_common.stop import Stop, stop_signals
+from sandbot_common.yaml_text import dump_yaml
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.from_bags import row_from_bag
 from sandbot_record.trials.table import Row

@@ -21,7 +21,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 from sandbot_bringup.journal import read_journal
 from sandbot_bringup.node_table import table_path
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 pytestmark = [pytest.mark.browser, pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -47,9 +47,9 @@ class Witness:
         self.rest_s = self.off_s = 0.0
         self.state, self.statuses = "", 0
         self._news, self._ended = threading.Condition(), threading.Event()
-        node.subscription(beside.node, topics.LEG_STATES, self._on_legs)
-        node.subscription(beside.node, topics.BED_BLOWER, self._on_air)
-        node.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_status)
+        endpoints.subscription(beside.node, topics.LEG_STATES, self._on_legs)
+        endpoints.subscription(beside.node, topics.BED_BLOWER, self._on_air)
+        endpoints.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_status)
         self.node = beside.node
         self._thread = threading.Thread(target=lambda: beside.wait(self._ended.is_set, math.inf), daemon=True)
         self._thread.start()
@@ -324,7 +324,7 @@ def test_a_real_overlap_is_red_until_it_is_acknowledged(page, witness, campaign)
     os.killpg(campaign.pid, signal.SIGINT)
     campaign.wait(60)
     page.until(lambda: "has ended" in page.text("campaign-state"))
-    legs, blower = (node.publisher(witness.node, one) for one in (topics.LEG_STATES, topics.BED_BLOWER))
+    legs, blower = (endpoints.publisher(witness.node, one) for one in (topics.LEG_STATES, topics.BED_BLOWER))
     still, moving = (messages.joint_state(1, topics.LEGS, *[np.full(6, value)] * 3) for value in (0.0, 1.0))
 
     def red():

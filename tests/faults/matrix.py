@@ -34,7 +34,7 @@ from conftest import Beside, own_domain
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.process import real_time
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_record.bags.reader import Bag
 
 BED = {"fluidise_s": 1.5, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
@@ -69,10 +69,10 @@ class Witness:
         self.rest_ns = self.off_ns = 0
         self.moved_s = self.blown_s = 0.0
         # The legs of a dead robot are its driver's affair; the commands still have to end.
-        node.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
-        node.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
-        node.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_campaign)
-        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        endpoints.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
+        endpoints.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
+        endpoints.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_campaign)
+        endpoints.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
 
     def _on_campaign(self, message: Any) -> None:
         self.stage = json.loads(message.data)["stage"]

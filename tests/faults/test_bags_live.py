@@ -18,7 +18,7 @@ import bags
 import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
-from starved import starved_ns
+from starved import Starved
 
 from sandbot_common import topics
 from sandbot_record.bags.playback import Timeline
@@ -37,7 +37,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Range
 from sandbot_common import messages, topics
-from sandbot_common.ros.node import publisher, use_shared_memory
+from sandbot_common.ros.endpoints import publisher
+from sandbot_common.ros.node import use_shared_memory
 use_shared_memory(frames=True)
 rclpy.init()
 node = Node("source")
@@ -181,12 +182,11 @@ class AllButTheLastSecond:
     """Kills a recorder; what was recovered then may lack a second, and what the machine held both ends up for."""
 
     def __init__(self, record: subprocess.Popen, source: subprocess.Popen) -> None:
-        self._record, self._pids = record, (record.pid, source.pid)
-        self._before_ns = starved_ns(*self._pids)
+        self._record, self._starved = record, Starved(record.pid, source.pid)
 
     def after(self, lived_s: float) -> None:
         time.sleep(lived_s)
-        self.starved_ns = starved_ns(*self._pids) - self._before_ns
+        self.starved_ns = self._starved.ns
         self._killed_ns = time.time_ns()
         self._record.kill()
         self._record.wait()

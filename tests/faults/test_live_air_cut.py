@@ -12,7 +12,7 @@ import pytest
 from processes import ending, running
 
 from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
 
@@ -50,9 +50,9 @@ class Heard:
 
     def __init__(self, beside):
         self.beside, self.blown, self.told, self.stages = beside, [], {}, []
-        node.subscription(beside.node, topics.BED_BLOWER, lambda message: self.blown.append(message.data))
-        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
-        node.subscription(beside.node, topics.BED_STATUS, self._on_status)
+        endpoints.subscription(beside.node, topics.BED_BLOWER, lambda message: self.blown.append(message.data))
+        endpoints.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        endpoints.subscription(beside.node, topics.BED_STATUS, self._on_status)
 
     def _on_diagnostics(self, message):
         for status in message.status:

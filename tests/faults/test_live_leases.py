@@ -18,10 +18,10 @@ from processes import running
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
-from starved import starved_ns
+from starved import Starved
 
-from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common import health, messages, topics
+from sandbot_common.ros import endpoints
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -37,16 +37,9 @@ HURRIED = os.SCHED_OTHER if subprocess.call([sys.executable, "-c", ASK], stderr=
 """How a node runs that asks for real-time priority: as any other where this host grants none."""
 
 
-class Busy:
-    """For how long the machine kept a process or this one waiting since now."""
-
-    def __init__(self, process):
-        self._pids = (process.pid, os.getpid())
-        self._before_ns = starved_ns(*self._pids)
-
-    @property
-    def seconds(self):
-        return (starved_ns(*self._pids) - self._before_ns) * 1e-9
+def busy_beside(process):
+    """For how long the machine keeps a process or this one waiting since now."""
+    return Starved(process.pid, os.getpid())
 
 
 def ended(process, number):
@@ -64,19 +57,19 @@ class Commander:
         self.renewing, self.reporting = False, False
         self.renewed_ns = self.reported_ns = 0
         self._lease = self._legs = None
-        node.subscription(beside.node, topics.LEG_SETPOINTS, self._on_setpoint)
-        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        endpoints.subscription(beside.node, topics.LEG_SETPOINTS, self._on_setpoint)
+        endpoints.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
         beside.node.create_timer(0.02, self._tick)
 
     def command(self):
         """Be whoever commands from now on."""
-        self._lease = node.publisher(self.beside.node, topics.OPERATOR_LEASE)
+        self._lease = endpoints.publisher(self.beside.node, topics.OPERATOR_LEASE)
         self.renewing = True
         self.beside.until(self._lease.get_subscription_count)
 
     def be_the_robot(self):
         """Report legs from now on."""
-        self._legs = node.publisher(self.beside.node, topics.LEG_STATES)
+        self._legs = endpoints.publisher(self.beside.node, topics.LEG_STATES)
         self.reporting = True
         self.beside.until(self._legs.get_subscription_count)
 
@@ -133,10 +126,10 @@ class StandIn:
         program = "from sandbot_common.process import own_name; print(own_name(), flush=True); input()"
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         self.process = subprocess.Popen([sys.executable, "-c", program], text=True, **pipes)
-        told = {node.PROCESS: self.process.stdout.readline().strip()}
-        health = node.publisher(beside.node, topics.DIAGNOSTICS)
-        beside.node.create_timer(0.1, lambda: health.publish(messages.diagnostics(time.time_ns(), name, told)))
-        beside.until(health.get_subscription_count)
+        told = {health.PROCESS: self.process.stdout.readline().strip()}
+        outlet = endpoints.publisher(beside.node, topics.DIAGNOSTICS)
+        beside.node.create_timer(0.1, lambda: outlet.publish(messages.diagnostics(time.time_ns(), name, told)))
+        beside.until(outlet.get_subscription_count)
         beside.wait(lambda: False, 0.5)  # until everybody has heard
 
     def close(self):
@@ -167,7 +160,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
         commander.command()
         commander.be_the_robot()
         commander.walk()
-        busy = Busy(clock)
+        busy = busy_beside(clock)
         commander.renewing = False
         rest_ns = commander.stopped("beside did not renew /operator/lease")
         assert (rest_ns - commander.renewed_ns) * 1e-9 <= LEGS_S + busy.seconds
@@ -177,7 +170,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
 
         commander.renewing = True
         commander.walk()  # nothing resumed by itself, and a new start is one
-        busy = Busy(clock)
+        busy = busy_beside(clock)
         commander.reporting = False
         rest_ns = commander.stopped("robot was silent")
         assert (rest_ns - commander.reported_ns) * 1e-9 <= LEGS_S + busy.seconds
@@ -206,13 +199,13 @@ def test_a_lease_is_renewed_by_its_owner_alone(commander, beside):
     with running("sandbot_clock.nodes.clock_node", f"omega_rad_s:={OMEGA}") as clock:
         commander.command()
         commander.walk()
-        another = node.publisher(beside.node, topics.OPERATOR_LEASE)
+        another = endpoints.publisher(beside.node, topics.OPERATOR_LEASE)
         beside.until(another.get_subscription_count)
         renewal = messages.header(time.time_ns(), "another")
         beside.node.create_timer(0.02, lambda: another.publish(renewal))
         beside.wait(lambda: not commander.moving, 0.6)
         assert commander.moving  # whoever else renews takes nothing from its owner, either
-        busy = Busy(clock)
+        busy = busy_beside(clock)
         commander.renewing = False
         rest_ns = commander.stopped("beside did not renew /operator/lease")
         assert (rest_ns - commander.renewed_ns) * 1e-9 <= LEGS_S + busy.seconds
@@ -223,12 +216,12 @@ HOLDER = """
 import sys
 import rclpy
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, ros_health
 
 rclpy.init()
 one = rclpy.create_node(sys.argv[1])
-node.Health(one, dict)
-lease = node.publisher(one, topics.OPERATOR_LEASE)
+ros_health.Health(one, dict)
+lease = endpoints.publisher(one, topics.OPERATOR_LEASE)
 one.create_timer(0.02, lambda: lease.publish(messages.header(one.get_clock().now().nanoseconds, one.get_name())))
 rclpy.spin(one)
 """
@@ -247,8 +240,8 @@ def holding(name):
 
 def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside):
     heard, told = [], []
-    node.subscription(beside.node, topics.OPERATOR_LEASE, heard.append)
-    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0].name))
+    endpoints.subscription(beside.node, topics.OPERATOR_LEASE, heard.append)
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0].name))
 
     def appear(name):
         heard.clear()
@@ -285,7 +278,7 @@ def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside
 
 def test_a_run_by_hand_ends_by_itself(commander, beside):
     with running("sandbot_clock.nodes.clock_node", "max_run_s:=1.0") as clock:
-        busy = Busy(clock)
+        busy = busy_beside(clock)
         commander.walk()
         rest_ns = commander.stopped("max_run_s")
         walked_s = (rest_ns - messages.nanoseconds(commander.setpoints[0].header.stamp)) * 1e-9
@@ -343,7 +336,7 @@ def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
 @pytest.mark.parametrize("module", ["sandbot_tracking.tracker_parameters", "sandbot_hardware.nodes.serial_legs_node"])
 def test_whose_figures_tell_his_health_says_that_he_ends_all_the_same(module, beside):
     told = []
-    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
     with running(module) as process:
         beside.until(lambda: told)
         process.terminate()
@@ -360,7 +353,7 @@ def test_one_clock_at_a_time(commander, beside):
             assert "another clock is running already" in said
         assert clock.poll() is None
         # A publisher that is no node of ours is seen at the start.
-        replay = node.publisher(beside.node, topics.LEG_SETPOINTS)
+        replay = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
         beside.until(lambda: beside.node.count_publishers(topics.LEG_SETPOINTS.name) == 2)
         beside.until(lambda: not beside.call("/clock/start").success)
         assert "beside and clock both publish" in beside.call("/clock/start").message
@@ -416,13 +409,13 @@ ENGAGED = """
 import sys, time
 from rclpy.node import Node
 from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, ros_health, node
 
 class Engaged(Node):
     def __init__(self):
         super().__init__("engaged")
-        node.Health(self, dict)
-        node.subscription(self, topics.TRIAL, self.work)
+        ros_health.Health(self, dict)
+        endpoints.subscription(self, topics.TRIAL, self.work)
 
     def work(self, _):
         print("working", flush=True)
@@ -434,13 +427,13 @@ sys.exit(node.run(Engaged))
 
 def test_a_node_that_is_to_end_says_so_in_the_middle_of_its_work(beside):
     told = []
-    node.subscription(
+    endpoints.subscription(
         beside.node, topics.DIAGNOSTICS, lambda message: told.extend((one.name, one.message) for one in message.status)
     )
     process = subprocess.Popen([sys.executable, "-c", ENGAGED], stdout=subprocess.PIPE, text=True)
     try:
         beside.until(lambda: ("engaged", "ok") in told)
-        node.publisher(beside.node, topics.TRIAL).publish(messages.string("work"))
+        endpoints.publisher(beside.node, topics.TRIAL).publish(messages.string("work"))
         assert "working\n" in process.stdout  # read up to there: DDS may have said something before
         process.send_signal(signal.SIGTERM)
         beside.until(lambda: ("engaged", "ended: SIGTERM") in told)
@@ -453,10 +446,10 @@ def test_a_node_that_is_to_end_says_so_in_the_middle_of_its_work(beside):
 def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
     """His clock is ahead of the lab's, too: at the stop, time must rise all the same."""
     states, told, ahead_ns, begun = [], [], 5 * 10**9, time.time_ns()
-    setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
-    blower = node.publisher(beside.node, topics.BED_BLOWER)
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
-    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    setpoints = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
+    blower = endpoints.publisher(beside.node, topics.BED_BLOWER)
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
     rate, level, blown = [OMEGA], [1.0], []
 
     def send(rate):
@@ -502,10 +495,10 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
 
 def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
     states, told = [], []
-    setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
-    blower = node.publisher(beside.node, topics.BED_BLOWER)
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
-    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    setpoints = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
+    blower = endpoints.publisher(beside.node, topics.BED_BLOWER)
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
     start_ns = time.time_ns()
     sent = []
 
@@ -527,7 +520,7 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         timer = beside.node.create_timer(0.02, walk)
         beside.until(lambda: len(states) > 30)
         beside.until(lambda: os.sched_getscheduler(lab.pid) == HURRIED)
-        busy = Busy(lab)
+        busy = busy_beside(lab)
         timer.cancel()
         beside.until(lambda: not any(states[-1].velocity))
         late_s = (messages.nanoseconds(states[-1].header.stamp) - sent[-1]) * 1e-9
@@ -551,9 +544,9 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
 
 def test_the_lab_obeys_nobody_who_is_gone_though_his_commands_go_on(beside, stand_in):
     states, told, asked = [], {}, {"rate": 0.0, "air": 0.0}
-    setpoints, blower = (node.publisher(beside.node, one) for one in (topics.LEG_SETPOINTS, topics.BED_BLOWER))
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
-    node.subscription(
+    setpoints, blower = (endpoints.publisher(beside.node, one) for one in (topics.LEG_SETPOINTS, topics.BED_BLOWER))
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(
         beside.node, topics.DIAGNOSTICS, lambda message: told.update({one.name: one for one in message.status})
     )
 
@@ -601,9 +594,9 @@ class Bed:
     def __init__(self, beside):
         self.beside, self.levels, self.reason = beside, [], ""
         self.commander = Commander(beside)
-        height = node.publisher(beside.node, topics.BED_HEIGHT)
-        node.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
-        node.subscription(beside.node, topics.BED_STATUS, self._on_status)
+        height = endpoints.publisher(beside.node, topics.BED_HEIGHT)
+        endpoints.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
+        endpoints.subscription(beside.node, topics.BED_STATUS, self._on_status)
         beside.node.create_timer(0.02, lambda: height.publish(messages.range_(0, 0.1, 0.0, 1.0, "bed")))
 
     def _on_blower(self, message):
@@ -642,7 +635,7 @@ def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
 
         def falls_silent():
             nonlocal busy
-            busy = Busy(process)
+            busy = busy_beside(process)
             bed.commander.renewing = False
 
         def freezes():

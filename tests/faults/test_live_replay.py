@@ -6,8 +6,8 @@ import sys
 import pytest
 from processes import ending, running
 
-from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common import health, messages, topics
+from sandbot_common.ros import endpoints
 from sandbot_common.serialization import to_cdr
 from sandbot_record.bags.writer import BagWriter
 
@@ -28,8 +28,8 @@ def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
         for index in range(3):
             writer.write(topics.BED_BLOWER, to_cdr(messages.float64(1.0)), 1_000_000_000 + index)
             writer.write(topics.LIFT, to_cdr(messages.float64(0.0)), 1_000_000_000 + index)
-    node.publisher(beside.node, topics.BED_HEIGHT)  # a bed that is there
-    node.subscription(beside.node, topics.BED_BLOWER, blown.append)
+    endpoints.publisher(beside.node, topics.BED_HEIGHT)  # a bed that is there
+    endpoints.subscription(beside.node, topics.BED_BLOWER, blown.append)
 
     # It refuses as soon as the two have met, which takes long on a busy machine.
     refused = replay(bag, delay_s=30)
@@ -54,13 +54,13 @@ def test_a_second_source_of_what_is_measured_is_refused_and_never_there(tmp_path
     bag, seen = tmp_path / "b", set()
     with BagWriter(bag) as writer:
         writer.write(topics.COM, to_cdr(messages.point(1, (0.1, 0.0, 0.0))), 1_000_000_000)
-    node.publisher(beside.node, topics.COM)  # a tracker that is there
+    endpoints.publisher(beside.node, topics.COM)  # a tracker that is there
 
     with ending(subprocess.Popen(command(bag, delay_s=30), stderr=subprocess.PIPE, text=True)) as refused:
 
         def ended():
             publishers = beside.node.get_publishers_info_by_topic(topics.COM.relative)
-            seen.update(node.names_of(publishers))
+            seen.update(endpoints.names_of(publishers))
             return refused.poll() is not None
 
         beside.until(ended)
@@ -74,12 +74,12 @@ def test_a_replay_ends_where_a_trackway_is_switched_on(tmp_path, beside):
     with BagWriter(bag) as writer:
         for index in range(200):
             writer.write(topics.BED_BLOWER, to_cdr(messages.float64(0.0)), 1_000_000_000 + index * 20_000_000)
-    node.subscription(beside.node, topics.BED_BLOWER, blown.append)
+    endpoints.subscription(beside.node, topics.BED_BLOWER, blown.append)
     playing = subprocess.Popen(command(bag, "--loop", delay_s=0.5), stderr=subprocess.PIPE, text=True)
     with ending(playing):
         beside.until(lambda: len(blown) > 50)  # nobody is there who would obey
         assert playing.poll() is None
-        node.publisher(beside.node, topics.BED_HEIGHT)
+        endpoints.publisher(beside.node, topics.BED_HEIGHT)
         _, said = playing.communicate(timeout=60)
         assert playing.returncode == 2
         assert said.count("\n") == 1
@@ -88,15 +88,15 @@ def test_a_replay_ends_where_a_trackway_is_switched_on(tmp_path, beside):
 
 def test_what_a_bag_says_of_a_clock_is_no_second_one(beside):
     told = []
-    node.subscription(
+    endpoints.subscription(
         beside.node, topics.DIAGNOSTICS, lambda message: told.extend(s for s in message.status if s.name == "clock")
     )
-    bag = node.publisher(beside.node, topics.DIAGNOSTICS)
+    bag = endpoints.publisher(beside.node, topics.DIAGNOSTICS)
     with running("sandbot_clock.nodes.clock_node") as clock:
         beside.until(lambda: told and bag.get_subscription_count() > 1)
         recorded = messages.diagnostics(1, "clock", {"since_ns": 1, "process": "elsewhere/1 5 6"})
         for _ in range(5):
             bag.publish(recorded)
             told.clear()
-            beside.until(lambda: sum(node.PROCESS in [p.key for p in s.values] for s in told) >= 2)  # it lives on
+            beside.until(lambda: sum(health.PROCESS in [p.key for p in s.values] for s in told) >= 2)  # it lives on
         assert clock.poll() is None

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 pytestmark = [
     pytest.mark.ros,
@@ -76,13 +76,13 @@ class Commander:
         self.beside, self.height_m, self.told, self.commanding = beside, 0.1, {}, {}
         self.heard = {topic: [] for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.LEG_STATES)}
         for topic, kept in self.heard.items():
-            node.subscription(beside.node, topic, kept.append)
-        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+            endpoints.subscription(beside.node, topic, kept.append)
+        endpoints.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
         beside.node.create_timer(0.02, lambda: [send() for send in self.commanding.values()])
 
     def command(self, topic):
         """Begin with it, once somebody hears it."""
-        outlet = node.publisher(self.beside.node, topic)
+        outlet = endpoints.publisher(self.beside.node, topic)
         self.beside.until(outlet.get_subscription_count)
         if topic is topics.LEG_SETPOINTS:
             outlet.publish(message_on(topic, 0.0))  # legs are told rest before they move

@@ -8,8 +8,8 @@ import pytest
 
 from sandbot_bringup.config import config_folder
 from sandbot_bringup.tools import campaign
-from sandbot_common.files import dump_yaml, read_yaml
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
+from sandbot_common.yaml_text import dump_yaml, read_yaml
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.tools import discover as command
 from sandbot_record import read_trials

@@ -10,8 +10,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
 from sandbot_common import messages, topics
-from sandbot_common.files import read_yaml
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
@@ -71,7 +71,7 @@ def show(beside, driver, frames, said):
     """The speeds of a film, shown anew from its start where a busy machine has lost too much of it."""
     make, kind, qos, suffix = DRIVERS[driver]
     cameras = {name: beside.node.create_publisher(kind, topic + suffix, qos) for name, topic in RAW.items()}
-    legs, led = (node.publisher(beside.node, topic) for topic in (topics.LEG_STATES, topics.SYNC_LED))
+    legs, led = (endpoints.publisher(beside.node, topic) for topic in (topics.LEG_STATES, topics.SYNC_LED))
     beside.until(lambda: all(one.get_subscription_count() for one in (*cameras.values(), legs, led)), 60.0)
 
     def send(stamp, views):
@@ -114,7 +114,7 @@ def test_every_driver_gives_the_same_speeds(room_for_frames, start, beside):
     def hear(message):
         said[messages.nanoseconds(message.header.stamp)] = message.twist.twist.linear.x
 
-    node.subscription(beside.node, topics.SPEED, hear)
+    endpoints.subscription(beside.node, topics.SPEED, hear)
     tracker = start("ros2", "run", "sandbot_tracking", "tracker")
     frames = films()
     speeds = {driver: show(beside, driver, frames, said) for driver in DRIVERS}

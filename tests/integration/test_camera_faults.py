@@ -12,8 +12,8 @@ from sandbot_bringup.provenance import trial_message, trial_metadata
 from sandbot_bringup.trial_bag import TrialBag
 from sandbot_clock.gait import leg_angles
 from sandbot_common import messages, topics
-from sandbot_common.files import read_yaml
 from sandbot_common.robot import SANDBOT
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.film import Film
 from sandbot_lab.robot import simulate

@@ -6,7 +6,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -27,7 +27,7 @@ run(Stuck, [])
 
 def test_the_beats_of_a_stuck_loop_tell_when_it_last_turned(start, beside):
     turns = []
-    node.subscription(
+    endpoints.subscription(
         beside.node, topics.HEARTBEAT, lambda beat: turns.append(messages.nanoseconds(beat.stamp)), best_effort=True
     )
     start(sys.executable, "-c", STUCK)

@@ -9,7 +9,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_record.bags.reader import Bag
 
 # Each is a case of "nobody records", of which tests/faults/test_matrix.py samples one.
@@ -33,10 +33,10 @@ WALK_S = 30.0
 )
 def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, start, plan_of_one, beside):
     stages, states = [], []
-    node.subscription(
+    endpoints.subscription(
         beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
     )
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
     for module in NODES:
         start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
     plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
@@ -72,7 +72,7 @@ raise SystemExit(main(sys.argv[1:]))
 
 def test_nobody_walks_for_a_recorder_that_hears_nobody(tmp_path, start, plan_of_one, beside):
     stages = []
-    node.subscription(
+    endpoints.subscription(
         beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
     )
     beside.node.create_publisher(String, "/nobody", 1)

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 # Of this, which takes most of a minute, tests/faults/test_live_leases.py has the lease's part.
 pytestmark = [pytest.mark.ros, pytest.mark.whole, pytest.mark.timeout(300)]
@@ -21,7 +21,7 @@ NODES = (
 
 def test_it_goes_on_at_once(tmp_path, start, plan_of_one, beside):
     states = []
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
     for module in NODES:
         start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
     run = ("ros2", "run", "sandbot_bringup", "campaign", plan_of_one(), "--silence", "5", "--out", tmp_path / "live")

@@ -11,7 +11,7 @@ import yaml
 from sandbot_bringup import batch, node_table, runner
 from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_lab.robot import simulate
 from sandbot_record.bags.reader import Bag
 
@@ -50,14 +50,14 @@ def test_legs_and_air_stop_by_themselves_when_the_cable_is_pulled(devices, start
     driver(start, "legs", f"device:={folder / 'legs'}", "legs_lease_s:=1.0")
     driver(start, "bed", f"device:={folder / 'bed'}")
     setpoints, blower = (
-        node.publisher(beside.node, topics.LEG_SETPOINTS),
-        node.publisher(beside.node, topics.BED_BLOWER),
+        endpoints.publisher(beside.node, topics.LEG_SETPOINTS),
+        endpoints.publisher(beside.node, topics.BED_BLOWER),
     )
     states, heights, flashes, told = [], [], [], {}
-    node.subscription(beside.node, topics.LEG_STATES, states.append)
-    node.subscription(beside.node, topics.BED_HEIGHT, heights.append)
-    node.subscription(beside.node, topics.SYNC_LED, flashes.append)
-    node.subscription(
+    endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
+    endpoints.subscription(beside.node, topics.BED_HEIGHT, heights.append)
+    endpoints.subscription(beside.node, topics.SYNC_LED, flashes.append)
+    endpoints.subscription(
         beside.node, topics.DIAGNOSTICS, lambda message: told.update({one.name: one for one in message.status})
     )
     beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and states and heights)
@@ -113,7 +113,7 @@ def test_legs_and_air_stop_by_themselves_when_the_cable_is_pulled(devices, start
 def test_a_driver_whose_commands_are_late_stops_legs_and_air(devices, start, beside):
     simulated, folder = devices("--lease", "20")  # so that it is the driver who stops them
     driver(start, "legs", f"device:={folder / 'legs'}")
-    setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    setpoints = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.until(setpoints.get_subscription_count)
     beside.wait(lambda: any("legs" in line for line in simulated.lines[1:]), 0.5)
 

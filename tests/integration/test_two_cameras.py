@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import topics
-from sandbot_common.ros.node import subscription
+from sandbot_common.ros.endpoints import subscription
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.from_bags import row_from_bag
 

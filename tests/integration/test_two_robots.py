@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common import messages, topics
+from sandbot_common.ros import endpoints
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.from_bags import row_from_bag
 
@@ -24,14 +24,14 @@ def test_one_start_starts_one_clock_and_a_recorder_hears_its_own_robot(tmp_path,
         for space in ROBOTS
     ]
     heard = {space: [] for space in ROBOTS}
-    kind = node.messages.message_class(topics.LEG_SETPOINTS.type)
+    kind = messages.message_class(topics.LEG_SETPOINTS.type)
     for space in ROBOTS:
         beside.node.create_subscription(kind, space + topics.LEG_SETPOINTS.name, heard[space].append, 2000)
     record = start(
         sys.executable, "-m", "sandbot_record.tools.record", "--all", "--out", tmp_path / "bag", *in_space("/robot2")
     )
     name = "/robot2" + topics.LEG_SETPOINTS.name
-    beside.until(lambda: "recorder" in node.names_of(beside.node.get_subscriptions_info_by_topic(name)))
+    beside.until(lambda: "recorder" in endpoints.names_of(beside.node.get_subscriptions_info_by_topic(name)))
 
     assert beside.call("/robot2/clock/start").success
     beside.until(lambda: len(heard["/robot2"]) > 100)

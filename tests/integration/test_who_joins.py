@@ -15,7 +15,8 @@ SPEAKER = """
 import time
 import numpy as np, rclpy
 from sandbot_common import messages, topics
-from sandbot_common.ros.node import publisher, use_shared_memory
+from sandbot_common.ros.endpoints import publisher
+from sandbot_common.ros.node import use_shared_memory
 use_shared_memory(frames=False)
 rclpy.init()
 legs, zero = publisher(rclpy.create_node("speaker"), topics.LEG_STATES), np.zeros(6)
@@ -28,7 +29,8 @@ LISTENER = """
 import sys, time
 from rclpy.node import Node
 from sandbot_common import topics
-from sandbot_common.ros.node import run, subscription
+from sandbot_common.ros.endpoints import subscription
+from sandbot_common.ros.node import run
 
 class Listener(Node):
     def __init__(self):

@@ -11,8 +11,8 @@ from std_srvs.srv import Trigger
 
 from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_common import messages, topics
-from sandbot_common.ros import node
-from sandbot_common.ros.node import SETTLE_S
+from sandbot_common.ros import endpoints
+from sandbot_common.ros.ros_health import SETTLE_S
 from sandbot_common.ros.timer import end_timers
 
 pytestmark = pytest.mark.ros
@@ -29,15 +29,15 @@ class StandIn:
         self.until, self.call = beside.until, beside.call
         self.rng, self.phi, self.packs, self.legs_rate = np.random.default_rng(0), 0.6, False, 0.0
         self.level, self.stages, self.final, self.text = None, [], [], ""
-        self.height = node.publisher(beside.node, topics.BED_HEIGHT)
+        self.height = endpoints.publisher(beside.node, topics.BED_HEIGHT)
         self.setpoints, self.states = (
-            node.publisher(beside.node, topic) for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)
+            endpoints.publisher(beside.node, topic) for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)
         )
         self.legs = self.setpoints
-        node.subscription(beside.node, topics.BED_STATUS, self.on_status)
-        node.subscription(beside.node, topics.BED_PHI, lambda message: self.final.append(message.data))
+        endpoints.subscription(beside.node, topics.BED_STATUS, self.on_status)
+        endpoints.subscription(beside.node, topics.BED_PHI, lambda message: self.final.append(message.data))
         # Last: the node meets subscriptions in their order, so once its blower is heard all else is as well.
-        node.subscription(beside.node, topics.BED_BLOWER, self.on_blower)
+        endpoints.subscription(beside.node, topics.BED_BLOWER, self.on_blower)
         beside.node.create_timer(0.01, self.tick)
 
     def prepare(self):
@@ -180,7 +180,7 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
 
 def test_all_hear_that_the_air_is_to_go_off_though_the_driver_fails(here, beside):
     heard = []
-    node.subscription(beside.node, topics.BED_BLOWER, heard.append)
+    endpoints.subscription(beside.node, topics.BED_BLOWER, heard.append)
     here._hardware._driver.is_deaf, here._health._turned_s = True, -math.inf
     beside.until(here._hardware._blower.get_subscription_count)
     here.close()

@@ -8,7 +8,7 @@ from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_common.errors import InputError
-from sandbot_common.files import load_yaml, read_yaml
+from sandbot_common.yaml_text import load_yaml, read_yaml
 from sandbot_lab.cameras import check_cameras
 
 PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), cameras="mine.yaml", robot="robot.yaml")

@@ -17,8 +17,8 @@ from sandbot_clock.gait import leg_angles
 from sandbot_common import topics
 from sandbot_common.accuracy import SECTION, accuracy_from_mapping
 from sandbot_common.errors import InputError
-from sandbot_common.files import dump_yaml, read_yaml
 from sandbot_common.robot import SANDBOT, read_robot, robot_from_mapping
+from sandbot_common.yaml_text import dump_yaml, read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.robot import simulate

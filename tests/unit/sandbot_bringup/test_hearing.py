@@ -9,7 +9,8 @@ from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.nodes.gate_node import Gate
 from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
-from sandbot_common.ros.node import NAMELESS, PROCESS
+from sandbot_common.health import PROCESS
+from sandbot_common.ros.endpoints import NAMELESS
 
 
 class Node:

@@ -18,9 +18,9 @@ from sandbot_bringup.nodes.hearing_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_common.ros.node import Stop
 from sandbot_common.ros.timer import end_timers
 from sandbot_common.standstill import AWAKE_S, OLD
+from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
 

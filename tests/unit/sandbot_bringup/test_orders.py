@@ -10,7 +10,7 @@ from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bringup.endings import TrialFailed
 from sandbot_bringup.nodes import orders_node
 from sandbot_bringup.nodes.orders_node import Orders
-from sandbot_common.ros.node import Parameters
+from sandbot_common.ros.ros_parameters import Parameters
 
 pytestmark = pytest.mark.ros
 SHORT = {"settle_s": 0.4, "average_s": 0.2}

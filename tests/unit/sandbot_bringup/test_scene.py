@@ -14,7 +14,7 @@ from sandbot_bringup.config import config_folder
 from sandbot_bringup.scene_messages import marker_array
 from sandbot_common import messages, topics
 from sandbot_common.robot import SANDBOT
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_tracking.calibration import read_cameras
 
 NAN = np.full(3, np.nan)
@@ -107,12 +107,12 @@ def test_shapes_replace_those_before_and_each_has_a_place_of_its_own():
 def test_the_node_shows_what_it_hears(beside):
     process = subprocess.Popen([sys.executable, "-m", "sandbot_bringup.nodes.scene_node"])
     drawn, frames = [], {}
-    node.subscription(beside.node, topics.SCENE, lambda message: drawn.append({one.ns for one in message.markers}))
-    node.subscription(
+    endpoints.subscription(beside.node, topics.SCENE, lambda message: drawn.append({one.ns for one in message.markers}))
+    endpoints.subscription(
         beside.node, topics.FRAMES, lambda one: frames.update({one.child_frame_id: one.transform.translation})
     )
-    publishers = {name: node.publisher(beside.node, topic) for name, topic in topics.LANDMARKS.items()}
-    legs = node.publisher(beside.node, topics.LEG_STATES)
+    publishers = {name: endpoints.publisher(beside.node, topic) for name, topic in topics.LANDMARKS.items()}
+    legs = endpoints.publisher(beside.node, topics.LEG_STATES)
 
     def tell():
         for name, at in FLAT.items():

@@ -14,7 +14,7 @@ from sandbot_clock.schedule import NANO
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 pytestmark = pytest.mark.ros
 
@@ -40,8 +40,8 @@ def test_what_was_asked_of_a_frozen_clock_moves_no_leg_when_it_thaws():
 
 def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     setpoints = []
-    node.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
-    blower, trial = (node.publisher(beside.node, topic) for topic in (topics.BED_BLOWER, topics.TRIAL))
+    endpoints.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
+    blower, trial = (endpoints.publisher(beside.node, topic) for topic in (topics.BED_BLOWER, topics.TRIAL))
     assert beside.call("/clock/start").success
     beside.until(lambda: len(setpoints) > 100)
     # Who has not heard the first one has come in mid-gait.
@@ -78,7 +78,7 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
         return tuple(setpoints[-1].name) == four.leg_order and len(setpoints[-1].position) == 4
 
     beside.until(of_four)
-    second = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    second = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.until(lambda: not any(setpoints[-1].velocity))
     assert "beside and clock both publish" in beside.call("/clock/start").message
     beside.node.destroy_publisher(second)
@@ -118,14 +118,14 @@ def test_what_a_run_began_with_is_not_changed_under_it(running, name):
 
 def test_a_robot_that_comes_while_the_clock_runs_stops_it_and_begins_at_home(clock, beside):
     setpoints, told = [], {}
-    node.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
-    node.subscription(
+    endpoints.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
+    endpoints.subscription(
         beside.node, topics.DIAGNOSTICS, lambda message: told.update({one.name: one for one in message.status})
     )
     assert beside.call("/clock/start").success
     beside.until(lambda: len(setpoints) > 100)
     home = setpoints[0].position
-    states = node.publisher(beside.node, topics.LEG_STATES)
+    states = endpoints.publisher(beside.node, topics.LEG_STATES)
 
     def report():
         states.publish(messages.joint_state(1, topics.LEGS, *np.zeros((3, 6))))

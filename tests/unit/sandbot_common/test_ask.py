@@ -3,7 +3,7 @@
 import pytest
 from std_srvs.srv import Trigger
 
-from sandbot_common.ros.node import ASK_AGAIN_S, ask
+from sandbot_common.ros.service import ASK_AGAIN_S, ask
 
 pytestmark = pytest.mark.ros
 

@@ -14,14 +14,14 @@ from sandbot_common.files import (
     base_name,
     check_output,
     parse_json,
-    read_csv,
     read_json,
     read_text,
-    read_yaml,
     whole_file,
     write_text,
     writing,
 )
+from sandbot_common.separated import read_csv
+from sandbot_common.yaml_text import read_yaml
 
 
 def test_writes_whole_and_makes_the_folder(tmp_path):

@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 from sandbot_common import process
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
-from sandbot_common.ros import node
+from sandbot_common.ros import node, ros_health, ros_parameters
+from sandbot_common.stop import stop_signals
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -133,7 +134,7 @@ def given(domain):
     def start(**overrides):
         asked = [Parameter(name, value=value) for name, value in overrides.items()]
         made.append(rclpy.create_node("legs", context=context, parameter_overrides=asked))
-        return made[-1], node.Parameters(made[-1], Legs)
+        return made[-1], ros_parameters.Parameters(made[-1], Legs)
 
     yield start
     for one in made:
@@ -183,14 +184,14 @@ def test_a_wrong_parameter_is_said_in_the_words_of_every_other_file(given, slip,
     ],
 )
 def test_who_is_older_whatever_another_program_says(values, older):
-    health = node.Health.__new__(node.Health)
+    health = ros_health.Health.__new__(ros_health.Health)
     health._process, health._since_ns = "here 1 100", 5
     assert health._is_older(values) is older
 
 
 @pytest.mark.parametrize(("earlier_ns", "older"), [(0, False), (1000, True)])
 def test_no_node_is_older_than_itself(earlier_ns, older):
-    health = node.Health.__new__(node.Health)
+    health = ros_health.Health.__new__(ros_health.Health)
     health._process, health._since_ns = "", 1795999802423893281
     assert health._is_older({"since_ns": str(health._since_ns - earlier_ns)}) is older
 
@@ -199,7 +200,7 @@ def test_no_node_is_older_than_itself(earlier_ns, older):
 def test_who_was_told_to_end_ignores_ctrl_c_while_it_leaves(asked):
     before = signal.getsignal(signal.SIGINT)
     try:
-        with node.stop_signals() as stop:
+        with stop_signals() as stop:
             for _ in range(6 * asked):
                 signal.raise_signal(signal.SIGINT)
         assert stop.asked is asked

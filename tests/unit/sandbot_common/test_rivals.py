@@ -4,7 +4,7 @@ import pytest
 
 from sandbot_common import topics
 from sandbot_common.neighbours import LOOK_S
-from sandbot_common.ros import command_node, node
+from sandbot_common.ros import command_node, endpoints
 
 
 def endpoint(process, name):
@@ -33,7 +33,7 @@ class Graph:
         ([], ""),
         (["clock"], ""),
         (["clock", "clock"], ""),  # a second launch, about to be refused
-        (["clock", node.NAMELESS], ""),  # one that was killed, or has just been started
+        (["clock", endpoints.NAMELESS], ""),  # one that was killed, or has just been started
         (["clock", "replay"], "clock and replay both publish /leg_setpoints"),
     ],
 )
@@ -47,7 +47,7 @@ def test_rivals_are_those_of_another_name(names, fault):
         (["clock"], [0], ""),  # a third-party one
         (["clock", "clock"], [1], "two nodes named clock publish /leg_setpoints"),  # a script's node
         (["clock", "clock"], [0, 1], "two nodes named clock publish /leg_setpoints"),
-        (["clock", node.NAMELESS], [1], ""),
+        (["clock", endpoints.NAMELESS], [1], ""),
     ],
 )
 def test_a_namesake_that_reports_no_health_is_a_rival(monkeypatch, names, silent, fault):

@@ -10,7 +10,7 @@ import yaml
 from sandbot_bringup.config import config_folder
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.yaml_text import read_yaml
 from sandbot_hardware import simulate, simulate_command
 from sandbot_hardware.simulate import Trackway
 

@@ -9,7 +9,7 @@ from rig import QUIET, trial
 
 import sandbot_lab
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.calibration import calibration
 from sandbot_lab.cameras import BODY_GREY, CONTRAST, LabCamera
 

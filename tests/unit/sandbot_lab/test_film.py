@@ -6,7 +6,7 @@ import yaml
 
 from sandbot_bringup.config import config_folder
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.film import Film
 from sandbot_lab.spoiler import MAX_JITTER

@@ -14,7 +14,7 @@ from rig import setpoints
 from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_lab.nodes.lab_node import LabNode
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world
@@ -31,7 +31,7 @@ def heard(beside):
     """What the lab said, by topic name."""
     messages = {topic.name: [] for topic in HEARD}
     for topic in HEARD:
-        node.subscription(beside.node, topic, messages[topic.name].append)
+        endpoints.subscription(beside.node, topic, messages[topic.name].append)
     return messages
 
 
@@ -54,7 +54,7 @@ def play(publisher, names, t0_ns, t_s, angles, rates):
 
 
 def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
-    trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_SETPOINTS))
+    trial, legs = (endpoints.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_SETPOINTS))
     beside.until(lambda: trial.get_subscription_count() and legs.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
     rates[-1] = 0.0
@@ -81,7 +81,7 @@ def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
 
 def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
     listener, until = beside.node, beside.until
-    publisher = node.publisher(listener, topics.LEG_SETPOINTS)
+    publisher = endpoints.publisher(listener, topics.LEG_SETPOINTS)
     until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
     t0_ns = listener.get_clock().now().nanoseconds
@@ -123,12 +123,12 @@ SLOW_READER = """
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from sandbot_common import topics
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 
 rclpy.init()
 reader, heard, height = rclpy.create_node("slow_reader"), [], []
-node.subscription(reader, topics.DORSAL_IMAGE, heard.append)
-node.subscription(reader, topics.BED_HEIGHT, height.append)
+endpoints.subscription(reader, topics.DORSAL_IMAGE, heard.append)
+endpoints.subscription(reader, topics.BED_HEIGHT, height.append)
 while not height:
     rclpy.spin_once(reader, timeout_sec=1.0)
 print("ready", flush=True)
@@ -142,7 +142,7 @@ print(len(heard), flush=True)
 
 
 def test_frames_wait_for_a_reader_that_stands_still_and_the_legs_do_not(lab, beside, heard):
-    legs = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    legs = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.until(lambda: legs.get_subscription_count() and heard["/bed/height"])
     # Fewer than are sent again, should a busy machine keep the reader still for longer than he is waited for.
     t_s, angles, rates = (values[: 2 * SETPOINTS] for values in setpoints(16.0))
@@ -199,8 +199,8 @@ def test_air_obeys_nobody_while_two_command_it_and_then_only_after_a_level_of_ze
 
 def test_legs_that_come_in_mid_gait_move_when_they_have_been_told_rest(lab, beside, heard):
     told, rate = {}, [16.0]
-    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.update(lab=message.status[0]))
-    legs = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.update(lab=message.status[0]))
+    legs = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.node.create_timer(
         0.02,
         lambda: legs.publish(

@@ -11,9 +11,9 @@ import yaml
 
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, topics
-from sandbot_common.files import read_yaml
 from sandbot_common.robot import Robot, to_mapping
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_tracking.nodes import tracker_node
 
@@ -45,11 +45,11 @@ def test_cameras_without_a_dorsal_one_are_refused_in_one_line(domain, tmp_path, 
 def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
     sections = read_yaml(config_folder() / "cameras.yaml")
     shown = ((topics.DORSAL_IMAGE, "dorsal"), (topics.LATERAL_IMAGE, "lateral"))
-    images = {name: node.publisher(beside.node, topic) for topic, name in shown}
+    images = {name: endpoints.publisher(beside.node, topic) for topic, name in shown}
     views = {name: LabCamera(name, sections[name], 3, HIGH) for name in images}
-    trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_STATES))
+    trial, legs = (endpoints.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_STATES))
     places = []
-    node.subscription(beside.node, topics.COM, lambda com: places.append(com.point.x))
+    endpoints.subscription(beside.node, topics.COM, lambda com: places.append(com.point.x))
     beside.until(lambda: all(one.get_subscription_count() for one in (*images.values(), trial, legs)))
     now_ns, zero = beside.node.get_clock().now().nanoseconds, np.zeros(6)
     stamps = iter(range(now_ns, now_ns + 10**12, PERIOD_NS))

@@ -16,8 +16,8 @@ from sandbot_bringup.trial_bag import TrialBag
 from sandbot_clock.gait import leg_angles
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_common.files import load_yaml
 from sandbot_common.robot import Robot
+from sandbot_common.yaml_text import load_yaml
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate

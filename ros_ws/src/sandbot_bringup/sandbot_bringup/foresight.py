@@ -9,7 +9,7 @@ from sandbot_bringup.config import robot_of
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_clock.gait import leg_angles
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml
+from sandbot_common.yaml_text import parse_yaml
 from sandbot_tracking.calibration import cameras_from_mapping
 from sandbot_tracking.trial import never_measured
 

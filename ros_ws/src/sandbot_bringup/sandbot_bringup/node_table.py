@@ -17,9 +17,9 @@ import yaml
 from sandbot_common import cli
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
 from sandbot_common.typed import WORDS
+from sandbot_common.yaml_text import read_yaml
 
 PACKAGE = "sandbot_bringup"
 LAUNCH_FILE = "trackway.launch.py"

@@ -26,8 +26,9 @@ from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.run_order import ORDERS, in_blocks, interspersed, sentinel_of
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
-from sandbot_common.files import dump_yaml, read_json, read_yaml
+from sandbot_common.files import read_json
 from sandbot_common.parameters import from_mapping, parameter
+from sandbot_common.yaml_text import dump_yaml, read_yaml
 from sandbot_lab.week import FIRST, Occasion, batch_seed
 from sandbot_model.discovery.criteria import DEFAULT, WIDEST
 

@@ -7,7 +7,8 @@ terminal    coloured output in lines of 80 columns
 lazy        public names of a package, imported on first access
 typed       types of arguments of the Python API, checked when it is called
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
-files       reading text, YAML, JSON and CSV; atomic writing through a temporary file
+files       reading text and JSON; atomic writing through a temporary file
+yaml_text   YAML; separated: tables of text, by any separator
 config      where the project's own configuration files are installed
 arrays      the kinds of array; data_frame: tables as pandas DataFrames
 robot       the robot in numbers (robot.yaml); legs: how its c-legs are mounted on their shafts
@@ -19,13 +20,16 @@ process     which process a node is, whether it is alive, real-time priority; ne
             dead_ports: those of killed nodes, which a new one should not take
 host_clock  the wall clock, and by how much it was set
 shared_memory  whether the host has enough for its nodes
+stop        an orderly end when a signal asks for it
 lease       the right to move legs or blow air for a limited time; standstill: whether a loop was frozen
 health      names of the figures, and words, that nodes act on when other nodes say them on /diagnostics
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once
 ros/        (the only room that imports rclpy)
-  node      parameters, diagnostics, start and stop of a node
+  node      start, heartbeat and end of a node
+  endpoints publishers and subscriptions; service: a request repeated until it is answered
+  ros_parameters  its parameters; ros_health: its figures on /diagnostics
   timer     periodic callbacks on a monotonic clock
   command_node  who may command it
   window_node   flow control: it sends no more than its readers take

@@ -3,6 +3,10 @@
 What only people read is named where it is measured.
 """
 
+PROCESS = "process"
+"""Of every node: which process it is, for nodes on the same host (``process.Neighbour``)."""
+AIR_STOPS = "air_stops"
+"""Of a blower's driver: how often it has turned the air off by itself, against its orders."""
 LOST_FRAMES = "lost_frames"
 """Of the tracker: views without a partner."""
 

@@ -4,8 +4,8 @@
     class Gait:
         theta_s_rad: float = parameter(1.1, unit="rad", doc="span of the slow phase", low=0.0, high=6.28)
 
-``from_mapping`` builds one from YAML and refuses invalid values; sandbot_common.ros.node declares the same fields as
-ROS parameters.
+``from_mapping`` builds one from YAML and refuses invalid values; sandbot_common.ros.ros_parameters declares the same
+fields as ROS parameters.
 """
 
 import dataclasses

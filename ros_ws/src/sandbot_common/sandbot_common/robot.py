@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_json, parse_yaml, read_yaml
+from sandbot_common.files import parse_json
 from sandbot_common.parameters import check, from_mapping, parameter, specs
 from sandbot_common.topics import LEGS
+from sandbot_common.yaml_text import parse_yaml, read_yaml
 
 FILE = "robot.yaml"
 """Its name in a campaign's folder and among a bag's attachments."""

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml, writing
+from sandbot_common.files import writing
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import Robot
+from sandbot_common.yaml_text import read_yaml
 from sandbot_hardware.devices import BedController, LegController
 from sandbot_hardware.films import CAMERAS, film
 from sandbot_hardware.lines import Line

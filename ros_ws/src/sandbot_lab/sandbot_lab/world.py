@@ -15,10 +15,11 @@ import numpy as np
 import yaml
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml, write_text
+from sandbot_common.files import write_text
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
 from sandbot_common.suggest import did_you_mean
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
 from sandbot_lab.film import Film
 from sandbot_lab.resistive import ResistiveGround

@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike
 from sandbot_common.accuracy import SECTION, accuracy_from_mapping
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.suggest import did_you_mean
 from sandbot_common.topics import VIEWS
+from sandbot_common.yaml_text import read_yaml
 
 NORMALS = {"x": 0, "y": 1, "z": 2}
 LOW_HZ, HIGH_HZ = 0.1, 10000.0

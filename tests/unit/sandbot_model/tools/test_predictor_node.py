@@ -10,7 +10,7 @@ import pytest
 
 from sandbot_common import messages, topics
 from sandbot_common.robot import Robot, to_mapping
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_model.nodes.predictor_node import PredictorNode
 from sandbot_model.predictor_parameters import PredictorParameters
 
@@ -82,14 +82,14 @@ def test_a_trial_of_another_robot_than_that_of_the_parameters_is_said_so(tmp_pat
 @pytest.mark.ros
 def test_follows_a_trial(predictor, beside):
     trial, phi, legs, measured = (
-        node.publisher(beside.node, topic)
+        endpoints.publisher(beside.node, topic)
         for topic in (topics.TRIAL, topics.BED_PHI, topics.LEG_STATES, topics.SPEED_MEAN)
     )
     speeds, means, errors, curves = [], [], [], []
-    node.subscription(beside.node, topics.MODEL_CURVE, lambda message: curves.append(json.loads(message.data)))
-    node.subscription(beside.node, topics.MODEL_SPEED, speeds.append)
-    node.subscription(beside.node, topics.MODEL_SPEED_MEAN, means.append)
-    node.subscription(beside.node, topics.MODEL_ERROR, errors.append)
+    endpoints.subscription(beside.node, topics.MODEL_CURVE, lambda message: curves.append(json.loads(message.data)))
+    endpoints.subscription(beside.node, topics.MODEL_SPEED, speeds.append)
+    endpoints.subscription(beside.node, topics.MODEL_SPEED_MEAN, means.append)
+    endpoints.subscription(beside.node, topics.MODEL_ERROR, errors.append)
     trial.publish(messages.string("no JSON"))
     trial.publish(
         messages.string(json.dumps({"trial_id": "t", "omega_rad_s": 16.0, "gait": "UNIFORM", "leg_mount_rad": 0.5}))

@@ -12,8 +12,8 @@ import yaml
 from sandbot_common.accuracy import Accuracy
 from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
-from sandbot_common.files import dump_yaml
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
+from sandbot_common.yaml_text import dump_yaml
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.tools import arguments, compare, discover, explore

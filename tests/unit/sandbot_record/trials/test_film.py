@@ -10,8 +10,8 @@ from bags import T0
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
 from sandbot_common.serialization import to_cdr
+from sandbot_common.yaml_text import read_yaml
 from sandbot_record.bags import frames, video
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import BagWriter

@@ -24,10 +24,10 @@ from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.hardware import BedHardware
 from sandbot_bed.protocol import Command, PulseProtocol, Stage
 from sandbot_bed.status import status_message
-from sandbot_common import messages, topics
+from sandbot_common import health, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.process import real_time_while
-from sandbot_common.ros import command_node, node
+from sandbot_common.ros import command_node, endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.standstill import Standstill
 
@@ -45,8 +45,8 @@ class TopicHardware:
     def __init__(self, ros: Node, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
         self._height_m, self._heard_s = math.nan, -math.inf
-        self._blower = node.publisher(ros, topics.BED_BLOWER)
-        node.subscription(ros, topics.BED_HEIGHT, self._on_height)
+        self._blower = endpoints.publisher(ros, topics.BED_BLOWER)
+        endpoints.subscription(ros, topics.BED_HEIGHT, self._on_height)
 
     def set_blower(self, level: float) -> None:
         """Publish /bed/blower."""
@@ -65,8 +65,8 @@ class PublishedHardware:
 
     def __init__(self, ros: Node, driver: BedHardware, low_m: float, high_m: float) -> None:
         self._ros, self._driver, self._limits_m = ros, driver, (low_m, high_m)
-        self._blower = node.publisher(ros, topics.BED_BLOWER)
-        self._height = node.publisher(ros, topics.BED_HEIGHT)
+        self._blower = endpoints.publisher(ros, topics.BED_BLOWER)
+        self._height = endpoints.publisher(ros, topics.BED_HEIGHT)
 
     def set_blower(self, level: float) -> None:
         """To the driver and /bed/blower; to the latter even if the driver fails."""
@@ -88,26 +88,26 @@ class BedNode(Node):
 
     def __init__(self, driver: BedHardware | None = None) -> None:
         super().__init__("bed")
-        self._settings = node.Parameters(self, BedParameters, self._on_change)
+        self._settings = ros_parameters.Parameters(self, BedParameters, self._on_change)
         settings = self._settings.current
         self._protocol = PulseProtocol(settings)
-        self._health = node.Health(self, self._figures, sole=True)
+        self._health = ros_health.Health(self, self._figures, sole=True)
         self._rivals = command_node.Rivals(self, topics.BED_BLOWER)
         self._hardware: BedHardware = (
             TopicHardware(self)
             if driver is None
             else PublishedHardware(self, driver, settings.height_low_m, settings.height_high_m)
         )
-        self._phi = node.publisher(self, topics.BED_PHI)
-        self._status = node.publisher(self, topics.BED_STATUS)
+        self._phi = endpoints.publisher(self, topics.BED_PHI)
+        self._status = endpoints.publisher(self, topics.BED_STATUS)
         for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES):
             # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
-            node.subscription(self, topic, partial(self._on_legs, topic.name), best_effort=True)
+            endpoints.subscription(self, topic, partial(self._on_legs, topic.name), best_effort=True)
         self._command = command_node.Command(self, settings.lease_s, command_node.AIR)
         # Air stops by driver node, now and when the preparation began.
         self._air_stops: dict[str, str] = {}
         self._air_stops_before: dict[str, str] = {}
-        node.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
+        endpoints.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._legs_moved_s = self._status_s = -math.inf
         self._motion_topic = ""
         self._step_s = math.inf
@@ -155,7 +155,7 @@ class BedNode(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             for pair in status.values:
-                if pair.key == node.AIR_STOPS:
+                if pair.key == health.AIR_STOPS:
                     self._air_stops[status.name] = pair.value
 
     def _obey(self, command: Command) -> None:

@@ -39,7 +39,11 @@ from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
 from sandbot_common.ros.command_node import AIR, LEGS, NOTHING
-from sandbot_common.ros.node import Health, Stop, publisher, refuse_parameters, spin_once
+from sandbot_common.ros.endpoints import publisher
+from sandbot_common.ros.node import spin_once
+from sandbot_common.ros.ros_health import Health
+from sandbot_common.ros.ros_parameters import refuse_parameters
+from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
 from sandbot_record.trials.from_bags import plan_of, row_from_bag

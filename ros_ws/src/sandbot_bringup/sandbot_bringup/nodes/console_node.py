@@ -28,7 +28,7 @@ from sandbot_bringup.nodes.page_lease_node import PageLease
 from sandbot_common import messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_parameters
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.pixels import grey
@@ -76,10 +76,10 @@ PICTURES_KEPT = 10
 def delivery(topic: Topic) -> QoSProfile:
     """The QoS with which the console subscribes to a topic."""
     best_effort = not topic.latched and topic not in _EXACT
-    return node.qos(topic, best_effort=best_effort, depth=PICTURES_KEPT if topic in _IMAGES else None)
+    return endpoints.qos(topic, best_effort=best_effort, depth=PICTURES_KEPT if topic in _IMAGES else None)
 
 
-_FIXED = node.fixed("the console's parameters are read at the start: restart it to change them")
+_FIXED = ros_parameters.fixed("the console's parameters are read at the start: restart it to change them")
 
 
 class ConsoleNode(Node):
@@ -89,7 +89,7 @@ class ConsoleNode(Node):
 
     def __init__(self) -> None:
         super().__init__("console")
-        self._settings = node.Parameters(self, ConsoleParameters, _FIXED).current
+        self._settings = ros_parameters.Parameters(self, ConsoleParameters, _FIXED).current
         self._lock = threading.Lock()
         self._stops = 0
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
@@ -98,7 +98,7 @@ class ConsoleNode(Node):
         self._views = {name: MarkedView(cameras[name], marks) for name, marks in SEEN_BY.items() if name in cameras}
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
-        self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
+        self._orders = endpoints.publisher(self, topics.CAMPAIGN_COMMAND)
         self._lease, self._watched_s = PageLease(self, self._lease_needed), -math.inf
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port)

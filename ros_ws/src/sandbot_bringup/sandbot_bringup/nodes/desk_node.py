@@ -24,7 +24,7 @@ from sandbot_bringup.queue import Queue
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.ros.node import publisher, subscription
+from sandbot_common.ros.endpoints import publisher, subscription
 from sandbot_common.ros.timer import Timer
 
 STATUS_S = 1.0

@@ -15,7 +15,7 @@ from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
-from sandbot_common.ros.node import NAMELESS, names_of
+from sandbot_common.ros.endpoints import NAMELESS, names_of
 
 DISCOVERY_S = 20.0
 """The longest that nodes which just started take to be discovered on a busy machine."""

@@ -11,10 +11,10 @@ from rclpy.node import Node
 
 from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
 from sandbot_common import messages, topics
-from sandbot_common.health import has_ended
+from sandbot_common.health import PROCESS, has_ended
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
-from sandbot_common.ros.node import PROCESS, subscription
+from sandbot_common.ros.endpoints import subscription
 from sandbot_common.typed import number_or_nan
 
 QUIET_S = 3.0

@@ -24,9 +24,10 @@ from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decide, looks_of
 from sandbot_common.dead_ports import fresh_participant_number
 from sandbot_common.process import real_time
-from sandbot_common.ros.node import start_ros, stop_signals, use_shared_memory
+from sandbot_common.ros.node import start_ros, use_shared_memory
 from sandbot_common.ros.timer import end_timers
 from sandbot_common.shared_memory import note_shortage
+from sandbot_common.stop import stop_signals
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 

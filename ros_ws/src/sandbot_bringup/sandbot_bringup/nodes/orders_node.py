@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_bringup.endings import TrialFailed
 from sandbot_common import topics
-from sandbot_common.ros.node import ask
+from sandbot_common.ros.service import ask
 from sandbot_common.standstill import AWAKE_S, OLD
 
 CALL_S = 10.0

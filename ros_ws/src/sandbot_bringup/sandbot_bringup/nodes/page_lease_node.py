@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 
 from sandbot_common import messages, topics
 from sandbot_common.process import real_time_while
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints
 from sandbot_common.ros.timer import Timer
 
 PRIORITY = 2
@@ -78,5 +78,5 @@ class PageLease:
     def _renew(self) -> None:
         if self._publisher is None:
             real_time_while(True, PRIORITY)
-            self._publisher = node.publisher(self._node, topics.OPERATOR_LEASE)
+            self._publisher = endpoints.publisher(self._node, topics.OPERATOR_LEASE)
         self._publisher.publish(messages.header(self._node.get_clock().now().nanoseconds, self._node.get_name()))

@@ -17,14 +17,14 @@ from sandbot_common import topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_tracking.calibration import read_cameras
 
 BODY_FRAME = "base_link"
 
 
-_FIXED = node.fixed("the scene's parameters are read at the start: restart it to change them")
+_FIXED = ros_parameters.fixed("the scene's parameters are read at the start: restart it to change them")
 
 
 class SceneNode(Node):
@@ -32,20 +32,20 @@ class SceneNode(Node):
 
     def __init__(self) -> None:
         super().__init__("scene")
-        given = node.Parameters(self, SceneParameters, _FIXED).current
+        given = ros_parameters.Parameters(self, SceneParameters, _FIXED).current
         cameras = read_cameras(given.cameras or config_file("cameras.yaml"))
         self._cameras = {topics.optical_frame(name): camera_pose(camera) for name, camera in cameras.items()}
         self._robot = read_robot(given.robot) if given.robot else SANDBOT
         self._marks = {name: np.full(3, np.nan) for name in topics.LANDMARKS}
         self._angles: dict[str, float] = {}
         self._phi, self._blows = np.nan, False
-        self._shapes, self._frames = node.publisher(self, topics.SCENE), node.publisher(self, topics.FRAMES)
+        self._shapes, self._frames = endpoints.publisher(self, topics.SCENE), endpoints.publisher(self, topics.FRAMES)
         for name, topic in topics.LANDMARKS.items():
-            node.subscription(self, topic, partial(self._on_mark, name), best_effort=True)
-        node.subscription(self, topics.LEG_STATES, self._on_legs, best_effort=True)
-        node.subscription(self, topics.BED_BLOWER, self._on_blower, best_effort=True)
-        node.subscription(self, topics.BED_PHI, self._on_phi)
-        node.subscription(self, topics.TRIAL, self._on_trial)
+            endpoints.subscription(self, topic, partial(self._on_mark, name), best_effort=True)
+        endpoints.subscription(self, topics.LEG_STATES, self._on_legs, best_effort=True)
+        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower, best_effort=True)
+        endpoints.subscription(self, topics.BED_PHI, self._on_phi)
+        endpoints.subscription(self, topics.TRIAL, self._on_trial)
         Timer(self, 1.0 / given.rate_hz, self._draw)
 
     def _draw(self) -> None:

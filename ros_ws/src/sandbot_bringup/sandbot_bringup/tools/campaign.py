@@ -27,9 +27,9 @@ from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
-from sandbot_common.files import load_yaml, parse_yaml
 from sandbot_common.parameters import specs
 from sandbot_common.terminal import filled
+from sandbot_common.yaml_text import load_yaml, parse_yaml
 
 if TYPE_CHECKING:
     from sandbot_lab.world import World

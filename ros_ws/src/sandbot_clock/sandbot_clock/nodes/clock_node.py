@@ -34,7 +34,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import LEGS, Command, Rivals
 from sandbot_common.ros.timer import Timer, watched
 
@@ -51,14 +51,14 @@ class ClockNode(Node):
 
     def __init__(self) -> None:
         super().__init__("clock")
-        self._settings = node.Parameters(self, ClockParameters, self._check)
+        self._settings = ros_parameters.Parameters(self, ClockParameters, self._check)
         file = self._settings.current.robot
         self._robot_used = read_robot(file) if file else SANDBOT
-        self._health = node.Health(self, self._figures, sole=True)
-        self._setpoints = node.publisher(self, topics.LEG_SETPOINTS)
-        node.subscription(self, topics.BED_BLOWER, self._on_blower)
-        node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
-        node.subscription(self, topics.TRIAL, self._on_trial)
+        self._health = ros_health.Health(self, self._figures, sole=True)
+        self._setpoints = endpoints.publisher(self, topics.LEG_SETPOINTS)
+        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower)
+        endpoints.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
+        endpoints.subscription(self, topics.TRIAL, self._on_trial)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._command = Command(self, self._settings.current.lease_s, LEGS)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False

@@ -9,9 +9,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sandbot_common import messages, topics
+from sandbot_common.health import PROCESS
 from sandbot_common.lease import Lease
 from sandbot_common.neighbours import LOOK_S, Neighbours
-from sandbot_common.ros.node import NAMELESS, PROCESS, names_of, subscription
+from sandbot_common.ros.endpoints import NAMELESS, names_of, subscription
 
 LEGS, AIR, NOTHING = "legs", "air", "nothing"
 """What a lease lets begin, after the name in its frame_id, e.g. "campaign legs"; anything, if it does not say."""

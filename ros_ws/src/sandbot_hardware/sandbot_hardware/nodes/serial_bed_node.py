@@ -11,10 +11,10 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from sandbot_common import messages, topics
+from sandbot_common import health, messages, topics
 from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import Partners, Rivals
 from sandbot_common.ros.timer import Timer
 from sandbot_hardware import lines
@@ -32,14 +32,14 @@ class SerialBed(Node):
 
     def __init__(self) -> None:
         super().__init__("serial_bed")
-        self._given = node.Parameters(self, SerialBedParameters, fixed).current
+        self._given = ros_parameters.Parameters(self, SerialBedParameters, fixed).current
         self._lease, self._level = Lease(self._given.air_lease_s), 0.0
         self._watchdog = self._stops = self._blown_since = 0
         self._partners, self._lapsed = Partners(self), False
         self._rivals = Rivals(self, topics.BED_BLOWER)
-        self._health = node.Health(self, self._figures, sole=True)
-        self._height = node.publisher(self, topics.BED_HEIGHT)
-        node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        self._health = ros_health.Health(self, self._figures, sole=True)
+        self._height = endpoints.publisher(self, topics.BED_HEIGHT)
+        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._host_clock = HostClock()
         self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning)
         Timer(self, WATCH_S, self._watch)
@@ -105,7 +105,7 @@ class SerialBed(Node):
             "damaged": self._port.damaged,
             "opened": self._port.opened,
             "watchdog": self._watchdog,
-            node.AIR_STOPS: self._stops + self._watchdog,
+            health.AIR_STOPS: self._stops + self._watchdog,
         }
 
 

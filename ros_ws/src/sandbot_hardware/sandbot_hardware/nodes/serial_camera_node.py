@@ -14,7 +14,7 @@ from rclpy.node import Node
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import HostClock
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
@@ -27,7 +27,7 @@ class SerialCamera(Node):
 
     def __init__(self) -> None:
         super().__init__("serial_camera")
-        given = node.Parameters(self, SerialCameraParameters, fixed).current
+        given = ros_parameters.Parameters(self, SerialCameraParameters, fixed).current
         self._frame = topics.optical_frame(given.camera)
         self._device_clock, self._host_clock = DeviceClock(), HostClock()
         self._info = None
@@ -38,10 +38,10 @@ class SerialCamera(Node):
             used = cameras[given.camera]
             self._info = messages.camera_info(0, self._frame, (used.width, used.height), used.matrix, used.distortion)
         view = topics.VIEWS[given.camera]
-        self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
+        self._image, self._camera_info = endpoints.publisher(self, view.image), endpoints.publisher(self, view.info)
         self._frames = self._unreadable = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning)
-        self._health = node.Health(self, self._figures)
+        self._health = ros_health.Health(self, self._figures)
 
     def close(self) -> None:
         """Release the line."""

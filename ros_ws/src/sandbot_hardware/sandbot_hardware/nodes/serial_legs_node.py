@@ -24,7 +24,7 @@ from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_common.legs import check_turning
 from sandbot_common.robot import SANDBOT, read_robot
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import Partners, Rivals
 from sandbot_common.ros.timer import Timer
 from sandbot_hardware import lines
@@ -45,7 +45,7 @@ class SerialLegs(Node):
 
     def __init__(self) -> None:
         super().__init__("serial_legs")
-        given = node.Parameters(self, SerialLegsParameters, fixed).current
+        given = ros_parameters.Parameters(self, SerialLegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""
@@ -55,9 +55,12 @@ class SerialLegs(Node):
         self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock, self._host_clock, self._ahead_ns = DeviceClock(), HostClock(), 0
-        self._health = node.Health(self, self._figures, sole=True)
-        self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
-        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
+        self._health = ros_health.Health(self, self._figures, sole=True)
+        self._states, self._led = (
+            endpoints.publisher(self, topics.LEG_STATES),
+            endpoints.publisher(self, topics.SYNC_LED),
+        )
+        endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning)
         Timer(self, WATCH_S, self._watch)

@@ -23,17 +23,17 @@ from sensor_msgs.msg import CameraInfo, JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from sandbot_common import messages, topics
+from sandbot_common import health, messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
 from sandbot_common.process import ordinary, real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import Partners, Rivals
 from sandbot_common.ros.timer import Timer, call_soon
 from sandbot_common.ros.window_node import Window
+from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera, check_cameras
@@ -64,7 +64,7 @@ class LabNode(Node):
 
     def __init__(self) -> None:
         super().__init__("lab")
-        self._settings = node.Parameters(self, LabParameters, self._check)
+        self._settings = ros_parameters.Parameters(self, LabParameters, self._check)
         current = self._settings.current
         self._ground = read_world(Path(current.world)) if current.world else null_world()
         self._world = self._ground.walked_by(read_robot(current.robot or config_file("robot.yaml")))
@@ -86,16 +86,16 @@ class LabNode(Node):
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
-        self._health = node.Health(self, self._figures, sole=True)
-        self._states = node.publisher(self, topics.LEG_STATES)
-        self._led = node.publisher(self, topics.SYNC_LED)
-        self._height = node.publisher(self, topics.BED_HEIGHT)
-        self._images = {name: node.publisher(self, view.image) for name, view in topics.VIEWS.items()}
+        self._health = ros_health.Health(self, self._figures, sole=True)
+        self._states = endpoints.publisher(self, topics.LEG_STATES)
+        self._led = endpoints.publisher(self, topics.SYNC_LED)
+        self._height = endpoints.publisher(self, topics.BED_HEIGHT)
+        self._images = {name: endpoints.publisher(self, view.image) for name, view in topics.VIEWS.items()}
         self._window = Window(list(self._images.values()), MAX_UNREAD)
-        self._infos = {name: node.publisher(self, view.info) for name, view in topics.VIEWS.items()}
-        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
-        node.subscription(self, topics.BED_BLOWER, self._on_blower)
-        node.subscription(self, topics.TRIAL, self._on_trial)
+        self._infos = {name: endpoints.publisher(self, view.info) for name, view in topics.VIEWS.items()}
+        endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
+        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower)
+        endpoints.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "lab/reset", self._on_reset)
         Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
         Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
@@ -313,7 +313,7 @@ class LabNode(Node):
         return {
             "legs": "standing" if self._standing else "moving",
             "blower": self._blower,
-            node.AIR_STOPS: self._air_stops,
+            health.AIR_STOPS: self._air_stops,
             "trials": self._trials,
             "setpoints": self._setpoints,
             "refused": self._refused,

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from sandbot_common.arrays import Floats, Ints
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_csv
 from sandbot_common.robot import Robot
+from sandbot_common.separated import read_csv
 from sandbot_common.suggest import near
 
 USUAL_SD = 0.02

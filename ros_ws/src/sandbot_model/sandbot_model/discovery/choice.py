@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl, urlencode
 import yaml
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.yaml_text import read_yaml
 from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import BASES
 

@@ -14,7 +14,7 @@ from sandbot_common import messages, topics
 from sandbot_common.files import parse_json
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import Robot, difference, robot_from_mapping
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_model.physics.predictor import of_robot
 from sandbot_model.predictor_parameters import PredictorParameters, predictor_of
 
@@ -28,22 +28,22 @@ class PredictorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("predictor")
-        self._settings = node.Parameters(self, PredictorParameters, self._use)
+        self._settings = ros_parameters.Parameters(self, PredictorParameters, self._use)
         self._predictor = predictor_of(self._settings.current)
         self._robot: Robot | None = None
         self._drawn: object = None
         self._phi = self._omega = math.nan
         self._gait, self._leg_mount_rad = "", 0.0
         self._error = math.nan
-        self._speed = node.publisher(self, topics.MODEL_SPEED)
-        self._mean = node.publisher(self, topics.MODEL_SPEED_MEAN)
-        self._difference = node.publisher(self, topics.MODEL_ERROR)
-        self._curve = node.publisher(self, topics.MODEL_CURVE)
-        node.subscription(self, topics.TRIAL, self._on_trial)
-        node.subscription(self, topics.BED_PHI, self._on_phi)
-        node.subscription(self, topics.LEG_STATES, self._on_legs)
-        node.subscription(self, topics.SPEED_MEAN, self._on_speed)
-        self._health = node.Health(self, self._figures)
+        self._speed = endpoints.publisher(self, topics.MODEL_SPEED)
+        self._mean = endpoints.publisher(self, topics.MODEL_SPEED_MEAN)
+        self._difference = endpoints.publisher(self, topics.MODEL_ERROR)
+        self._curve = endpoints.publisher(self, topics.MODEL_CURVE)
+        endpoints.subscription(self, topics.TRIAL, self._on_trial)
+        endpoints.subscription(self, topics.BED_PHI, self._on_phi)
+        endpoints.subscription(self, topics.LEG_STATES, self._on_legs)
+        endpoints.subscription(self, topics.SPEED_MEAN, self._on_speed)
+        self._health = ros_health.Health(self, self._figures)
 
     def _use(self, parameters: PredictorParameters) -> None:
         self._predictor, self._drawn = predictor_of(parameters), None

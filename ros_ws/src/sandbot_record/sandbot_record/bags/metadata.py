@@ -14,7 +14,7 @@ import yaml
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
-from sandbot_common import files
+from sandbot_common import files, yaml_text
 from sandbot_common.errors import InputError
 from sandbot_record.bags.interfaces import CDR, JAZZY, Interface, has_release
 
@@ -43,14 +43,14 @@ def qos(*, latched: bool = False, depth: int = 50, reliable: bool = True) -> Qos
 
 def qos_text(profiles: Sequence[Qos]) -> str:
     """QoS profiles as YAML text for an MCAP channel; the same content as in metadata.yaml."""
-    return files.dump_yaml(dump_qos_v9(list(profiles))) if profiles else ""
+    return yaml_text.dump_yaml(dump_qos_v9(list(profiles))) if profiles else ""
 
 
 @lru_cache(maxsize=256)
 def qos_from_text(text: str) -> tuple[Qos, ...]:
     """QoS profiles from the text of ``qos_text``; empty if it can't be parsed."""
     try:
-        return tuple(parse_qos(files.load_yaml(text) or []))
+        return tuple(parse_qos(yaml_text.load_yaml(text) or []))
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
         return ()
 
@@ -135,7 +135,7 @@ def write(folder: Path, info: BagInfo) -> None:
             "ros_distro": info.distro,
         }
     }
-    files.write_text(folder / NAME, files.dump_yaml(content))
+    files.write_text(folder / NAME, yaml_text.dump_yaml(content))
 
 
 def read(folder: Path) -> BagInfo | None:
@@ -143,7 +143,7 @@ def read(folder: Path) -> BagInfo | None:
     path = folder / NAME
     if not path.exists():
         return None
-    content = files.read_yaml(path).get("rosbag2_bagfile_information")
+    content = yaml_text.read_yaml(path).get("rosbag2_bagfile_information")
     try:
         return _parse(content)  # type: ignore[arg-type]
     except KeyError as error:

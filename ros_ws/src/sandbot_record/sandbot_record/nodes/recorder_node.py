@@ -29,7 +29,9 @@ from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 from sandbot_common.host_clock import HostClock
-from sandbot_common.ros.node import Health, refuse_parameters, run
+from sandbot_common.ros.node import run
+from sandbot_common.ros.ros_health import Health
+from sandbot_common.ros.ros_parameters import refuse_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.terminal import counted
 from sandbot_record.bags import frames, interfaces, metadata

@@ -30,7 +30,9 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.ros.node import names_of, refuse_parameters, run
+from sandbot_common.ros.endpoints import names_of
+from sandbot_common.ros.node import run
+from sandbot_common.ros.ros_parameters import refuse_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.terminal import counted
 from sandbot_record.bags.metadata import TopicInfo

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sandbot_common import files
+from sandbot_common import files, separated
 from sandbot_common.errors import InputError
 from sandbot_record.trials.columns import Kind
 from sandbot_record.trials.header import check_header, is_read, known_names, unit_in_header, unread, with_unit_row
@@ -31,7 +31,7 @@ _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem"
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
     notes: list[str] = []
-    header, lines = with_unit_row(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", is_read, notes))
+    header, lines = with_unit_row(*separated.read_csv(path, "a trials CSV, a bag or a campaign folder", is_read, notes))
     told = (*(f"{path}: {note}" for note in notes), *unread(header))
     return replace(from_rows(rows_of(header, lines, str(path))), unread=told)
 
@@ -78,7 +78,7 @@ def _in_si(text: str, column: str) -> str:
     if name in ("phi", "phi_sd") and text.endswith("%"):  # a spreadsheet's format of a cell
         text, factor = text.removesuffix("%").rstrip(), 0.01
     with contextlib.suppress(ValueError):
-        return text if factor == 1.0 or not text else repr(files.number_in(text) * factor)
+        return text if factor == 1.0 or not text else repr(separated.number_in(text) * factor)
     return text
 
 
@@ -126,7 +126,7 @@ def _number(where: str, kind: Kind, text: str, *, required: bool) -> float:
             raise InputError(f"{where}: {text or 'empty'}; {instead}")
         return math.nan
     try:
-        value = files.number_in(text)
+        value = separated.number_in(text)
     except ValueError:
         instead = "write decimals with a point" if "," in text else instead
         raise InputError(f"{where}: {text!r} is not a number; {instead}") from None

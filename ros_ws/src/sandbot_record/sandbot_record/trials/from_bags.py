@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common import files, topics
+from sandbot_common import files, separated, topics
 from sandbot_common.arrays import Floats
 from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
@@ -222,7 +222,7 @@ def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Rep
 
 def check_no_column_lost(out: Path) -> Path:
     """``out``. Raises InputError if it is a table with columns that overwriting would delete."""
-    if out.is_file() and (columns := foreign(files.read_csv(out)[0])):
+    if out.is_file() and (columns := foreign(separated.read_csv(out)[0])):
         raise InputError(
             f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
             "write the table into another file (table --out)"

@@ -8,9 +8,9 @@ from typing import Any
 
 from sandbot_common.accuracy import SECTION, Accuracy, accuracy_from_mapping, worst
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml, read_yaml, shared_yaml
 from sandbot_common.parameters import given
 from sandbot_common.robot import FILE, Robot, difference, read_robot, robot_from_mapping, robot_from_text
+from sandbot_common.yaml_text import parse_yaml, read_yaml, shared_yaml
 from sandbot_record.bags.reader import Bag
 from sandbot_tracking.calibration import Camera, camera_sections
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.camera_parameters import CameraParameters
@@ -23,7 +23,7 @@ from sandbot_tracking.source import Source
 SETTLE_S = 1.0
 
 
-_FIXED = node.fixed("the source is opened at the start: restart the camera node to change it")
+_FIXED = ros_parameters.fixed("the source is opened at the start: restart the camera node to change it")
 
 
 class CameraNode(Node):
@@ -31,7 +31,7 @@ class CameraNode(Node):
 
     def __init__(self) -> None:
         super().__init__("camera")
-        given = node.Parameters(self, CameraParameters, _FIXED).current
+        given = ros_parameters.Parameters(self, CameraParameters, _FIXED).current
         if not given.video:
             raise InputError("camera parameters: video: give a file or device, --ros-args -p video:=dorsal.avi")
         self._frame = topics.optical_frame(given.camera)
@@ -42,11 +42,11 @@ class CameraNode(Node):
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
         self._period_s = 1.0 / rate_hz
         view = topics.VIEWS[given.camera]
-        self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
+        self._image, self._camera_info = endpoints.publisher(self, view.image), endpoints.publisher(self, view.info)
         self._frames = 0
         self._start_ns = 0
         self._heard_s: float | None = None
-        self._health = node.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
+        self._health = ros_health.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
         # Reading a device blocks until its next frame: polled at twice the frame rate, the camera sets the pace.
         wait_s = self._period_s / 2 if self._source.is_device else self._period_s / given.playback
         self._timer = Timer(self, wait_s, self._next)

@@ -11,7 +11,7 @@ from sandbot_common import messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import read_robot, robot_of_trial
-from sandbot_common.ros import node
+from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
@@ -44,18 +44,18 @@ class ImageInput:
     def follow(self) -> None:
         """Subscribe again if the publishers have changed."""
         raw, compressed = self._offers
-        found = {topic: node.reliabilities(self._owner, topic) for topic in self._offers}
+        found = {topic: endpoints.reliabilities(self._owner, topic) for topic in self._offers}
         topic = compressed if found[compressed] and not found[raw] else raw
         wanted = topic, not all(found[topic])
         if wanted == self._now or (self._now is not None and not found[topic]):
             return
         if self._subscription is not None:
             self._owner.destroy_subscription(self._subscription)
-        self._subscription = node.subscription(self._owner, topic, self._callback, best_effort=wanted[1])
+        self._subscription = endpoints.subscription(self._owner, topic, self._callback, best_effort=wanted[1])
         self._now = wanted
 
 
-_FIXED = node.fixed("what the tracker knows is read at the start: restart the tracker to change it")
+_FIXED = ros_parameters.fixed("what the tracker knows is read at the start: restart the tracker to change it")
 
 
 class TrackerNode(Node):
@@ -63,11 +63,11 @@ class TrackerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("tracker")
-        self._settings = node.Parameters(self, TrackerParameters, _FIXED)
+        self._settings = ros_parameters.Parameters(self, TrackerParameters, _FIXED)
         given = self._settings.current
-        self._health = node.Health(self, self._values, sole=True)
+        self._health = ros_health.Health(self, self._values, sole=True)
         named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
-        self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
+        self._publish = {name: endpoints.publisher(self, topic) for name, topic in named.items()}
         self._latency = Latency(given.latency_budget_s)
         self._unreadable = ""
         path = given.cameras or config_file("cameras.yaml")
@@ -79,9 +79,9 @@ class TrackerNode(Node):
         warm_up(cameras)
         self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
         self._inputs = [self._input(camera) for camera in self._live.views]
-        node.subscription(self, topics.LEG_STATES, self._legs)
-        node.subscription(self, topics.SYNC_LED, self._led)
-        node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
+        endpoints.subscription(self, topics.LEG_STATES, self._legs)
+        endpoints.subscription(self, topics.SYNC_LED, self._led)
+        endpoints.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
         Timer(self, _FOLLOW_S, self._follow)
 
     def _input(self, camera: str) -> ImageInput:
