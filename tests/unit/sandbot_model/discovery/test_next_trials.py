@@ -1,6 +1,7 @@
 """What to measure next: what tells the surviving sets apart, and nothing where nothing does."""
 
 import dataclasses
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import next_trials as module
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.next_trials import (
     PENETRATION,
     NextTrial,
@@ -66,7 +68,7 @@ def rivals(monkeypatch, between, trials=100):
     """Fits by name of so many trials, that differ by ``between(first name, second name)``."""
     monkeypatch.setattr(module, "between", between)
     monkeypatch.setattr(module.Predicted, "by", lambda fit: fit.effects[0])
-    own = lambda first, second, chosen, _: [one for one in chosen if one.separates == (first, second)]  # noqa: E731
+    own = lambda first, second, chosen, *_: [one for one in chosen if one.separates == (first, second)]  # noqa: E731
     monkeypatch.setattr(module, "_after_refitting", own)
     return lambda names: [SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=trials)) for name in names]
 
@@ -117,12 +119,12 @@ def test_what_would_take_more_replicates_than_there_are_trials_is_not_proposed(m
 
 
 @pytest.mark.parametrize(
-    ("shift_sd", "replicates"),
-    # The refit of a set whose parameter moves the predictions as the gap does, by so many times their noise. Control:
-    # that would cost the other data as much.
-    [(1.0, None), (0.01, 31), (0.25, 70)],
+    ("shift_sd", "criteria", "replicates"),
+    # The refit of a set whose parameter moves the predictions as the gap does, by so many times their noise. Controls:
+    # that would cost the other data as much; who is content with a smaller gap is offered the trials.
+    [(1.0, DEFAULT, None), (0.01, DEFAULT, 31), (0.25, DEFAULT, 70), (1.0, replace(DEFAULT, clearly=0.5), 31)],
 )
-def test_no_trial_is_proposed_whose_gap_a_refit_takes_up(monkeypatch, shift_sd, replicates):
+def test_no_trial_is_proposed_whose_gap_a_refit_takes_up(monkeypatch, shift_sd, criteria, replicates):
     def predicted(name, speed):
         one = np.zeros((1, 1, 4))
         return Predicted(
@@ -141,7 +143,8 @@ def test_no_trial_is_proposed_whose_gap_a_refit_takes_up(monkeypatch, shift_sd, 
 
     sets = {"a": predicted("a", 0.10), "b": predicted("b", 0.10 + 0.9 * 0.005)}
     monkeypatch.setattr(module.Predicted, "by", lambda fit: sets[fit.effects[0]])
-    found = next_trials([SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=100)) for name in sets])
+    fits = [SimpleNamespace(effects=(name,), cells=SimpleNamespace(trials=100)) for name in sets]
+    found = next_trials(fits, criteria)
     assert [trial.replicates for trial in found] == ([] if replicates is None else [pytest.approx(replicates, abs=3)])
 
 

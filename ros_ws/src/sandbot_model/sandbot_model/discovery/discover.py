@@ -365,7 +365,9 @@ def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) 
     if verdict.status == "untested":
         return to_run(search.cells, search.model(())), []
     base, alternatives = search.fits[()], [search.fits[names] for names in verdict.alternatives]
-    trials, out_of_reach = trials_to_exclude(base, hidden) if hidden else (next_trials(alternatives), [])
+    trials, out_of_reach = (
+        trials_to_exclude(base, hidden) if hidden else (next_trials(alternatives, search.criteria), [])
+    )
     return [*trials, *(one_value.what_to_add(base) if verdict.status in WIDENED else [])], out_of_reach
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sandbot_common.robot import Robot
 from sandbot_model.data.penetrometer import USUAL_SD
-from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import clock_signal
@@ -76,7 +76,7 @@ class NextTrial:
         return ", ".join(filter(None, (f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s", self.gait)))
 
 
-def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
+def next_trials(contenders: Sequence[Fit], criteria: Criteria = DEFAULT) -> list[NextTrial]:
     """The most informative measurements, best first, no two at the same condition; empty if none separates the sets.
 
     They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
@@ -88,7 +88,7 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
         return []
     pairs, within_reach = list(combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)), contenders[0].cells.trials
     chosen = _chosen([between(*pair) for pair in pairs], within_reach)
-    kept = [trial for pair in pairs for trial in _after_refitting(*pair, chosen, within_reach)]
+    kept = [trial for pair in pairs for trial in _after_refitting(*pair, chosen, within_reach, criteria.clearly)]
     return sorted(kept, key=lambda trial: -trial.expected_gap_sd)
 
 
@@ -213,14 +213,14 @@ class Predicted:
 
 
 def _after_refitting(
-    first: Predicted, second: Predicted, chosen: Sequence[NextTrial], within_reach: int
+    first: Predicted, second: Predicted, chosen: Sequence[NextTrial], within_reach: int, clearly: float
 ) -> list[NextTrial]:
     """Of the chosen measurements those that are to separate this pair, the trials with so many replicates that a refit
-    of neither makes up for what all show; no trials where that takes more than are ``within_reach``."""
+    of neither brings what all show below ``clearly``; no trials if that takes more than are ``within_reach``."""
     own = [trial for trial in chosen if trial.separates == (first.name, second.name)]
     trials, readings = ([trial for trial in own if trial.kind == kind] for kind in ("trial", "reading"))
     others = [trial for trial in chosen if trial.kind == "trial" and trial not in own]
-    while trials and _chi2_after_refitting(first, second, [*trials, *others]) < DEFAULT.clearly:
+    while trials and _chi2_after_refitting(first, second, [*trials, *others]) < clearly:
         trials = [replace(trial, replicates=2 * trial.replicates) for trial in trials]
         if max(trial.replicates for trial in trials) > within_reach:
             trials = []
