@@ -122,7 +122,7 @@ def test_what_would_take_more_replicates_than_there_are_trials_is_not_proposed(m
     ("shift_sd", "criteria", "replicates"),
     # The refit of a set whose parameter moves the predictions as the gap does, by so many times their noise. Controls:
     # that would cost the other data as much; who is content with a smaller gap is offered the trials.
-    [(1.0, DEFAULT, None), (0.01, DEFAULT, 31), (0.25, DEFAULT, 70), (1.0, replace(DEFAULT, clearly=0.5), 31)],
+    [(1.0, DEFAULT, None), (0.01, DEFAULT, 31), (0.25, DEFAULT, 70), (1.0, replace(DEFAULT, clearly=0.5), 93)],
 )
 def test_no_trial_is_proposed_whose_gap_a_refit_takes_up(monkeypatch, shift_sd, criteria, replicates):
     def predicted(name, speed):
