@@ -51,7 +51,7 @@ def places(folder: Path) -> str:
     return (
         f"report    {folder}/report.html\n"
         f"atlas     {folder}/atlas, the figures of Li et al. 2009 from these trials\n"
-        f"explorer  source env.sh && ros2 run sandbot_model explore {folder}\n"
+        f"explorer  .venv/bin/trackway explore {folder}\n"
         f"bags      {folder}/trials, and {folder}-live/trials with every frame"
     )
 

@@ -21,17 +21,17 @@ PAGE = ROOT / "docs" / "lookup" / "pasted.md"
 PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if path != PAGE)]
 BEGINS = ("ros2 ", "make ", "source ", "cut ", "printf ", "trackway ", ".venv/bin/trackway ")
 SERVES_S = 25
-UNTIL_INTERRUPTED = ("ros2 launch", " explore ", "sandbot_hardware simulate", "trackway live")
+UNTIL_INTERRUPTED = ("ros2 launch", " explore ", "trackway simulate", "trackway live")
 """Commands, identified by a part, that run until Ctrl-C, which is sent after ``SERVES_S``."""
-LONGER = ("trackway doctor", "sandbot_model atlas")
+LONGER = ("trackway doctor", "trackway atlas")
 """What is run for the page, and by tests of its own."""
 ELSEWHERE = {
     "make ": "the test of this page knows each target; what they do has tests of its own",
     "lab:=false": "wants a robot; test_readme checks its arguments, test_camera_drivers its nodes",
     "ros2 service call": "asks a robot that walks; test_ros2_fallback",
-    "sandbot_tracking calibrate": "wants a table of points; test_calibration has one",
+    "trackway calibrate": "wants a table of points; test_calibration has one",
     "__ns:=/robot1": "wants a robot in a namespace; test_two_robots has two",
-    "sandbot_model export": "wants bags; test_doors has one",
+    "trackway export": "wants bags; test_doors has one",
     "unseal": "wants a sealed campaign; README in full (make test-whole), test_until_verdict",
 }
 """Commands, identified by a part, that are not run here, with the reason."""
@@ -66,7 +66,7 @@ def prepared(folder: Path) -> Path:
     """A reader's folder: env.sh, the files that the pages describe, and campaigns of six trials each."""
     (folder / "env.sh").write_text(f"source {shlex.quote(str(ROOT))}/env.sh\n")
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    boost = readme[readme.index("    # boost.py") :].split("\n\n    ros2 ")[0]
+    boost = readme[readme.index("    # boost.py") :].split("\n\n    trackway ")[0]
     (folder / "boost.py").write_text("\n".join(line[4:] for line in boost.splitlines()) + "\n")
     (folder / "table.csv").write_text("phi,omega_rad_s,speed_m_s\n0.633,16,0.203\n0.633,16,0.198\n")
     (folder / "robot.yaml").write_text("leg_radius_m: 0.036\n")

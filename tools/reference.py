@@ -74,7 +74,7 @@ def all_effects() -> str:
 
     parts = [
         f"{MADE}# Effects\n\nWhat the walking models can lack. Drawn in colour: what the effect adds. "
-        "`ros2 run sandbot_model effects NAME` computes where one would show; the explorer's cards (`/effects`) show "
+        "`trackway effects NAME` computes where one would show; the explorer's cards (`/effects`) show "
         "it over φ and ω, and what each brings on your data.\n"
     ]
     for effect in CATALOGUE:
@@ -91,9 +91,7 @@ def all_effects() -> str:
 
 def commands() -> str:
     """--help of every executable."""
-    parts = [
-        f"{MADE}# Commands\n\nEach is `ros2 run PACKAGE NAME` after `source env.sh`, or `trackway NAME` without.\n"
-    ]
+    parts = [f"{MADE}# Commands\n\nEach is `trackway NAME`, or, after `source env.sh`, `ros2 run PACKAGE NAME`.\n"]
     for package in PACKAGES:
         parts.append(f"## {package}\n")
         for entry in sorted(

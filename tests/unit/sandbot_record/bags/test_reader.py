@@ -284,7 +284,7 @@ def test_an_unfinished_bag_names_recover(tmp_path):
     bag = bags.legs_bag(tmp_path / "b")
     file = bag / "b_0.mcap"
     file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(InputError, match=r"unfinished.*ros2 run sandbot_record recover"):
+    with pytest.raises(InputError, match=r"unfinished.*trackway recover"):
         Bag.open(bag)
     assert not Bag.open(bag, strict=False).complete
 

@@ -351,7 +351,7 @@ function drawSafety(state) {
 
 function drawLinks(state) {
   by("explorer").href = `${location.protocol}//${location.hostname}:${state.explorer_port}/`;
-  by("explorer").title = `ros2 run sandbot_model explore ${state.campaign.folder ?? "DATA"}`;
+  by("explorer").title = `trackway explore ${state.campaign.folder ?? "DATA"}`;
 }
 
 const PARTS = [

@@ -152,7 +152,7 @@ def _separation(gaps: model_difference.Gaps, trials: tuple[NextTrial, ...]) -> F
 def _how_to_run(trials: tuple[NextTrial, ...]) -> tuple[str, ...]:
     if not _walking_trials(trials):
         return ("No further trial is proposed: none is needed, or none within reach would help.",)
-    return (f"Run the plan below with: ros2 run sandbot_bringup campaign {PLAN} --out runs/next",)
+    return (f"Run the plan below with: trackway campaign {PLAN} --out runs/next",)
 
 
 def _walking_trials(trials: tuple[NextTrial, ...]) -> list[NextTrial]:

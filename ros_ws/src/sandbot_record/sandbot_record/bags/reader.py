@@ -109,7 +109,7 @@ class Bag:
     @property
     def remedy(self) -> str:
         """What to do if there are problems."""
-        recover = f"bring back what is intact with: ros2 run sandbot_record recover {self.path} NEW_BAG"
+        recover = f"bring back what is intact with: trackway recover {self.path} NEW_BAG"
         return recover if self.count else "no message can be brought back"
 
     @property
