@@ -71,7 +71,6 @@ def plot(ratios: list[Ratio], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    matplotlib.rcParams["svg.hashsalt"] = "ratios"
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 0.4 * len(ratios) + 1), layout="constrained")
@@ -80,5 +79,5 @@ def plot(ratios: list[Ratio], path: Path) -> None:
     axes.axvline(1.0, color="black", linewidth=1)
     axes.invert_yaxis()
     axes.set_xlabel("ratio / aim")
-    figure.savefig(path, metadata={"Date": None})
+    figure.savefig(path, dpi=100)
     plt.close(figure)

@@ -46,7 +46,7 @@ def main(only: list[str]) -> int:
     else:
         ratios = _ratios.measured()
         _ratios.store(ratios)
-        _ratios.plot(ratios, HERE / "ratios.svg")
+        _ratios.plot(ratios, HERE / "ratios.png")
         whole(names, kept)
     _figures.store(kept)
     README.write_text(readme(_ratios.stored(), kept, names), encoding="utf-8")
@@ -119,7 +119,7 @@ def readme(ratios: list[_ratios.Ratio], kept: Mapping[str, _figures.Run], names:
         "",
         _ratios.table(ratios),
         "",
-        "![Ratios relative to their aims](ratios.svg)",
+        "![Ratios relative to their aims](ratios.png)",
         "",
         _figures.table(figures),
         "",

@@ -25,7 +25,7 @@ from sandbot_record.bags.writer import BagWriter
 from sandbot_record.trials.csv_table import write_csv
 
 HERE = Path(__file__).resolve().parent
-FIGURE = HERE / "scale.svg"
+FIGURE = HERE / "scale.png"
 TRIALS = (147, 1_470, 14_700, 100_009)
 """At the same 49 conditions."""
 CONDITIONS = (49, 98, 196, 392)
@@ -126,7 +126,6 @@ def plot(curves: dict[str, list[Cost]]) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    matplotlib.rcParams["svg.hashsalt"] = "scale"
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(1, 3, figsize=(11, 3.5), layout="constrained")
@@ -142,7 +141,7 @@ def plot(curves: dict[str, list[Cost]]) -> None:
         panel.set_xlabel(counted)
         panel.legend()
     panels[0].set_ylabel("CPU time [s]")
-    figure.savefig(FIGURE, metadata={"Date": None})
+    figure.savefig(FIGURE, dpi=100)
     plt.close(figure)
 
 
@@ -167,7 +166,7 @@ def report(costs: Sequence[Cost]) -> str:
         cells = [f"{one.size:,}: {one.cpu_s:.1f} ({one.memory_mb:.0f})" for one in found]
         lines.append(f"| {name} | {' | '.join([*cells, *[''] * (4 - len(cells))])} | {slope(found):.2f} |")
     load = f"Load average at the end {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores."
-    return "\n".join([*lines, "", "![CPU time over size](scale.svg)", "", load])
+    return "\n".join([*lines, "", "![CPU time over size](scale.png)", "", load])
 
 
 def sample() -> list[Figure]:

@@ -311,7 +311,7 @@ def page(found: Mapping[str, Any]) -> str:
         "late, say). /operator/lease keeps one message by intent: only the latest counts. Queues of frames are filled "
         f"before the run ({STALLS} stalls of tracker and console): they keep the memory they have once taken.",
         "",
-        "![Memory, threads, files, shared memory and set-points over the run](soak.svg)",
+        "![Memory, threads, files, shared memory and set-points over the run](soak.png)",
     ]
     return "\n".join(text) + "\n"
 
@@ -328,7 +328,6 @@ def plot(found: Mapping[str, Any], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    matplotlib.rcParams["svg.hashsalt"] = "soak"
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(2, 3, figsize=(12, 6), layout="constrained", sharex=True)
@@ -345,7 +344,7 @@ def plot(found: Mapping[str, Any], path: Path) -> None:
     last.legend(fontsize=7)
     for panel in panels[1]:
         panel.set_xlabel("minutes")
-    figure.savefig(path, metadata={"Date": None})
+    figure.savefig(path, dpi=100)
     plt.close(figure)
 
 
@@ -367,7 +366,7 @@ def told(found: Mapping[str, Any], path: Path) -> int:
     """Write page and plots; 1 where something grew, drifted or was lost."""
     text = page(found)
     path.write_text(text, encoding="utf-8")
-    plot(found, path.with_suffix(".svg"))
+    plot(found, path.with_suffix(".png"))
     print(text)
     drifted = any(one["off_rad"] > DRIFT_RAD for one in found["trials"])
     return int(bool(growths(series(found["samples"]))) or drifted or any(one["lost"] for one in found["trials"]))
