@@ -45,7 +45,8 @@ demo: setup
 
 # Three workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
 # A worker that died is not replaced: xdist would give the new one the same test, again and again.
-PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
+# Also where bytecode is not written by default: each worker would read and rewrite every changed test anew.
+PYTEST := PYTHONDONTWRITEBYTECODE= python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 WORKERS ?= $(shell echo $$(($$(nproc) + 3)))
 
 # Tests compiled once, not by each worker that reads them.
