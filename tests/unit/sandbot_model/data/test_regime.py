@@ -48,6 +48,32 @@ def test_a_surer_answer_asks_for_more_lift():
     np.testing.assert_array_equal(walks(values, 2e-3), [False, True])
 
 
+WALKS, SWIMS = (0.2, 0.008, 0.4), (0.02, 0.0, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("third", "peaks"),
+    [
+        (SWIMS, 0),
+        # Controls: a marker was lost in a walk, or a swimmer's peak is given: the mean is that of all, or of any.
+        ((0.2, 0.008, np.nan), 2),
+        ((0.02, 0.0, 0.02), 3),
+        (WALKS, 3),
+    ],
+)
+def test_peaks_of_those_that_walked_are_not_the_mean_where_others_swam(third, peaks):
+    """Measured only where the robot walked, it is missing where it would have been low."""
+    rows = [
+        Row(str(at), 0.6, np.nan, omega, "UNIFORM", 1.0, speed, np.nan, lift, peak, 0.03)
+        for at, (omega, (speed, lift, peak)) in enumerate(
+            [*((20.0, one) for one in (WALKS, WALKS, third)), (8.0, WALKS)]
+        )
+    ]
+    cells = cells_of(from_rows(rows))
+    assert cells.n[:, 2].tolist() == [1, peaks]
+    assert np.isfinite(cells.mean[1, 2]) == bool(peaks)
+
+
 @pytest.mark.parametrize(
     ("gait", "speed", "lift", "first", "left_out"),
     [

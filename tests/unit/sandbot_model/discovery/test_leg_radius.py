@@ -1,12 +1,14 @@
 """Legs of another radius than robot.yaml's are suspected where they explain what a scale or a pair seems to."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import pytest
 
-from sandbot_common.robot import SANDBOT
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import leg_radius
 from sandbot_model.discovery.discover import discover
 from sandbot_model.physics.catalogue import catalogue
 
@@ -63,3 +65,21 @@ def test_what_is_there_is_still_claimed(drawn, names):
     some = {name: effect for name, effect in catalogue().items() if name in {*NAMES, *names}}
     found = discover(cells_of(drawn(names, seed=4, levels=4)), some, max_effects=2)
     assert found.verdict.effects == names
+
+
+@dataclass(frozen=True)
+class Legged:
+    robot: Robot
+
+
+@pytest.mark.parametrize(("share", "suspected"), [(1.0, False), (1.018, False), (0.982, False), (1.03, True)])
+def test_a_radius_within_two_standard_errors_is_robot_yamls(share, suspected):
+    def near(models, _fit, _nuisances):
+        shares = [model.robot.leg_radius_m / SANDBOT.leg_radius_m for model in models]
+        return [SimpleNamespace(deviance=((one - share) / 0.01) ** 2) for one in shares]
+
+    search = SimpleNamespace(cells=SimpleNamespace(robot=SANDBOT), near=near)
+    legs = leg_radius._with_free_radius(search, SimpleNamespace(model=Legged(SANDBOT)), None)
+    assert bool(legs) == suspected
+    if legs:
+        assert legs.radius_m == pytest.approx(share * SANDBOT.leg_radius_m, rel=1e-3)

@@ -17,7 +17,7 @@ from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error, without_batch_effects
-from sandbot_model.data.regime import peaks_seen, starts_on_both_tripods, swam_from_start, walks
+from sandbot_model.data.regime import peaks_of_some, peaks_seen, starts_on_both_tripods, swam_from_start, walks
 from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
 from sandbot_model.data.stated_error import COLUMNS as STATED_COLUMNS
 from sandbot_model.data.stated_error import of_single_trials, stated_bars, with_stated
@@ -184,6 +184,7 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     """Cells of usable trials, from those of their ``values (trials, 4)`` that count, with their ``stated`` errors."""
     phi, omega, batch = trials.phi, trials.omega_rad_s, trials.batch
     cell, keys = conditions(phi, trials.gait, omega)
+    values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     level = keys[0, cell]
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from sandbot_common.accuracy import Accuracy
+from sandbot_common.arrays import Ints
 from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import clock, duty, peaks_resolved, slow_phase_ratio
@@ -57,6 +58,16 @@ def peaks_seen(
 ) -> Bool:
     """Trials ``(n,)`` of values ``(n, 4)`` whose peak speed the cameras resolve for any stance that the lift allows."""
     return peaks_resolved(clock([*gaits]), omega, _stance_rad(values, robot, accuracy), robot.leg_mount_rad, rate_hz)
+
+
+def peaks_of_some(values: Array, cell: Ints) -> Bool:
+    """Trials ``(n,)`` of values ``(n, 4)`` in conditions ``cell (n,)`` where some have a walker's peak speed and others
+    swim and have none: the mean of those that have one is not what a prediction for all trials is to be held against.
+    """
+    peak = values[:, Observable.peak_speed]
+    walker, swimmer = peak > WALKING_SPEED_M_S, ~walks(values) & np.isnan(peak)
+    walker, swimmer = (np.bincount(cell, these) > 0 for these in (walker, swimmer))
+    return np.asarray((walker & swimmer)[cell])
 
 
 def _stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:

@@ -25,7 +25,8 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.physics.observables import CM
 
 SUSPECT = 2.0
-"""Prior standard deviations from which a zero or scale may be a wrong radius."""
+"""Standard deviations: of its prior, from which a zero or scale may be a wrong radius; of the radius, from which it is
+another one than robot.yaml's."""
 RADII = 1.0 + np.linspace(-DIFFERENT, DIFFERENT, 25)
 """Radii tried, over that of robot.yaml; beyond them ``plausibility`` doubts it."""
 MOST_PARTS = 5
@@ -92,13 +93,14 @@ def _costs(fit: Fit) -> list[float]:
 
 
 def _with_free_radius(search: EffectSearch, fit: Fit, nuisances: Nuisances) -> Legs | None:
-    """The fit at its best radius; None if that is an end of what is tried."""
+    """The fit at its best radius; None if that is an end of what is tried, or if robot.yaml's does nearly as well."""
     robots = list(_robots(search.cells.robot))
     models = [replace(fit.model, robot=robot) for robot in robots]
     fits = search.near(models, fit, nuisances)
     deviance = np.array([one.deviance for one in fits])
     best = int(np.argmin(deviance))
-    if best in (0, len(fits) - 1):
+    given = deviance[robots.index(search.cells.robot)]
+    if best in (0, len(fits) - 1) or given - deviance[best] <= SUSPECT**2:
         return None
     radii, weight = np.array([robot.leg_radius_m for robot in robots]), np.exp(-0.5 * (deviance - deviance[best]))
     mean = float(np.average(radii, weights=weight))
