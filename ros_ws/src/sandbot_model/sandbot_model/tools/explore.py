@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
-from sandbot_common.crew import count
+from sandbot_common.crew import count, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
@@ -67,7 +67,7 @@ def _explore(argv: Sequence[str]) -> None:
     parser.add_argument(
         "--workers",
         type=count,
-        default=min(4, os.cpu_count() or 1),
+        default=min(4, one_a_cpu().size),
         metavar="N",
         help="processes that fit ahead (default: one per CPU, 4 at most)",
     )
