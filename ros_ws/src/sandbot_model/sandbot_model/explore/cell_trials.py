@@ -86,8 +86,5 @@ def _cell(value: Any, scale: float) -> str:
 
 @lru_cache(maxsize=16)
 def film_of(bag: Path, _state: str) -> tuple[tuple[bytes, str], ...]:
-    """Tracked lateral frames of one bag, in this state of its files, as (JPEG, caption); empty if no frames were stored.
-
-    Raises InputError.
-    """
+    """Tracked lateral frames of one bag as (JPEG, caption); empty if no frames were stored. Raises InputError."""
     return tuple(film_strip.of_bag(bag))
