@@ -3,14 +3,18 @@
 import json
 import subprocess
 import sys
+import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sandbot_clock.clock_parameters import ClockParameters
+from sandbot_clock.nodes import clock_node
 from sandbot_clock.nodes.clock_node import ClockNode
-from sandbot_clock.schedule import NANO
+from sandbot_clock.phase_clock import PhaseClock
+from sandbot_clock.schedule import NANO, Schedule
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
@@ -104,6 +108,24 @@ def test_how_long_a_run_may_last_holds_at_once(running):
     assert not clock._overrun(20 * NANO)
     settings.current = ClockParameters(max_run_s=2.0)
     assert clock._overrun(20 * NANO) == "the run was 2 s long (max_run_s)"
+
+
+@pytest.mark.parametrize("breaks", [True, False])
+def test_a_clock_whose_schedule_breaks_says_so_and_can_start_again(running, monkeypatch, breaks):
+    clock, _ = running
+    monkeypatch.setattr(clock_node, "ask_for_real_time", lambda _: True)
+    told, begun_ns = [], time.monotonic_ns()
+    clock.get_logger = lambda: SimpleNamespace(error=told.append)
+    clock._health = SimpleNamespace(level=0, text="ok", publish=lambda: None)
+    clock._late_ns, clock._stopping, clock._missed = [], threading.Event(), 0
+    clock._legs = PhaseClock(ClockParameters().gait_used, 8.0).started(begun_ns / NANO)
+    clock._fault = lambda *_: {}["graph"] if breaks else ""
+    clock._send = lambda *_: clock._stopping.set()
+    clock._run(Schedule(begun_ns, 200.0), 0, topics.LEGS)
+    assert not clock.running
+    assert not clock._legs.running  # the next start goes on from the angles last sent
+    assert told == (["stopped: KeyError: 'graph'"] if breaks else [])
+    assert clock._health.level == (2 if breaks else 0)
 
 
 @pytest.mark.parametrize("name", ["lease_s", "robot_s"])

@@ -1,5 +1,6 @@
 """Worker processes as a crew: results in order, and nobody left behind by an end."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -7,7 +8,8 @@ import sys
 import psutil
 import pytest
 
-from sandbot_common.crew import Processes
+from sandbot_common.crew import Processes, one_a_cpu
+from sandbot_common.errors import InputError
 
 
 def test_worker_processes_keep_the_order():
@@ -18,6 +20,25 @@ def test_worker_processes_keep_the_order():
 def test_what_cannot_be_pickled_is_an_error_and_no_endless_wait():
     with pytest.raises(AttributeError, match="lambda"), Processes(2).map() as spread:
         list(spread(lambda one: one, range(4)))
+
+
+def end(_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_worker_is_an_error_in_one_line():
+    with pytest.raises(InputError, match="killed"), Processes(2).map() as spread:
+        list(spread(end, range(4)))
+
+
+def test_an_error_of_a_task_stays_what_it_is():
+    with pytest.raises(TypeError, match="abs"), Processes(2).map() as spread:
+        list(spread(abs, ["one", "two"]))
+
+
+def test_there_is_one_process_per_cpu_that_may_be_used(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 7})
+    assert one_a_cpu().size == 3
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, output, run, with_ros
+from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Outlet, Parser, output, run, with_ros
 from sandbot_common.errors import InputError
 
 
@@ -192,6 +192,16 @@ def test_output_lost_on_a_full_disk_is_an_error_after_the_work_is_done(tmp_path)
     assert done.returncode == BAD_INPUT
     assert done.stderr == "-c: error: output: No space left on device; files written by the command are complete\n"
     assert (tmp_path / "out.txt").read_text() == "whole"
+
+
+def test_a_stream_that_falls_silent_keeps_one_file_open():
+    full = Outlet(open("/dev/full", "wb", buffering=0), line_buffering=True)  # noqa: SIM115
+    before = os.listdir("/proc/self/fd")
+    full.write("lost\n")
+    assert full.lost is not None
+    assert len(os.listdir("/proc/self/fd")) == len(before)
+    full.write("discarded\n")
+    full.close()
 
 
 @pytest.mark.parametrize(

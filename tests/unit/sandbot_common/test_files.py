@@ -85,13 +85,16 @@ def test_a_link_that_leads_nowhere_is_answered(tmp_path):
     assert (tmp_path / "b.txt").read_text() == "new"
 
 
-def test_results_are_for_colleagues_too(tmp_path):
+def test_results_are_for_colleagues_too(tmp_path, monkeypatch):
     path = tmp_path / "b.txt"
-    before = os.umask(0o022)
+    umask = os.umask
+    before = umask(0o022)
+    # Another thread's file would be anybody's to write meanwhile.
+    monkeypatch.setattr(os, "umask", lambda _: pytest.fail("the umask is changed for all threads"))
     try:
         write_text(path, "x")
     finally:
-        os.umask(before)
+        umask(before)
     assert stat.S_IMODE(path.stat().st_mode) == 0o644
 
 

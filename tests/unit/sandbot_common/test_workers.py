@@ -3,9 +3,11 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import BrokenExecutor
 
 import pytest
 
+from sandbot_common.renewed import Renewed
 from sandbot_common.workers import pool
 
 ORPHANS = """
@@ -106,3 +108,25 @@ def test_a_worker_ends_with_a_parent_that_was_killed(tmp_path, start):
         parent.kill()
         # The pipe ends only when the worker, busy for ten minutes, has gone too; the test's timeout is shorter.
         assert parent.stdout.read() == ""
+
+
+def end(_task: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_worker_costs_what_it_had_in_hand_and_nothing_more():
+    made = []
+
+    def anew():
+        made.append(pool(1, "fork"))
+        return made[-1]
+
+    with Renewed(pool(1, "fork"), anew) as workers:
+        assert workers.submit(abs, -1).result() == 1
+        with pytest.raises(BrokenExecutor):
+            workers.submit(end, 0).result()
+        assert workers.submit(abs, -2).result() == 2
+        with pytest.raises(TypeError):  # of a task: no reason for a new pool
+            workers.submit(abs, "three").result()
+        assert workers.submit(abs, -4).result() == 4
+    assert len(made) == 1

@@ -153,6 +153,19 @@ def test_a_line_that_checks_and_means_nothing_is_damaged(device):
     one.close()
 
 
+def test_a_fault_of_the_driver_itself_is_told_and_commands_nothing_more(device, capsys):
+    told = []
+    one = Port(device[1], 921600, lambda line, _: {}[line.kind], told.append)
+    until(lambda: not one.trouble)
+    os.write(device[0], LINE)
+    until(lambda: "KeyError: 'B'; restart the driver" in one.trouble)
+    assert one.health == (2, one.trouble)
+    assert not one.write(LINE)
+    one.close()
+    assert told == [one.trouble]
+    assert "Traceback" in capsys.readouterr().err
+
+
 def test_what_came_before_the_cable_was_out_swallows_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(port, "RETRY_S", 0.01)
     path, heard = tmp_path / "line", []

@@ -218,7 +218,8 @@ class Outlet(io.TextIOWrapper):
 
     def _fall_silent(self, error: OSError) -> None:
         self.lost = None if isinstance(error, BrokenPipeError) else error
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), self.fileno())
 
 
 def speak_line_by_line() -> None:

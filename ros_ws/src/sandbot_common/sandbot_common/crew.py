@@ -4,7 +4,7 @@ import argparse
 import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +33,10 @@ class Crew(Protocol):
         """Raises InputError if a worker does not see a folder that this process sees."""
 
     def map(self) -> AbstractContextManager[Map]:
-        """An order-preserving ``map`` for many short tasks that share much data of this process."""
+        """An order-preserving ``map`` for many short tasks that share much data of this process.
+
+        It raises InputError if a worker is lost.
+        """
 
     def executor(self) -> AbstractContextManager[Executor]:
         """An executor for long tasks, whose functions must be importable by name."""
@@ -57,12 +60,16 @@ class Processes:
             return
         forked = pool(self.size, "fork")
 
-        def spread(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
+        def spread(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
             # A single task runs here: workers forked later inherit what it loads and compiles.
             if len(tasks) == 1:
-                return map(function, tasks)
-            # Pickled here: in the pool's own thread an error of pickling would let ``shutdown`` wait for ever.
-            return forked.map(_call, [pickle.dumps((function, task)) for task in tasks])
+                yield function(tasks[0])
+                return
+            try:
+                # Pickled here: in the pool's own thread an error of pickling would let ``shutdown`` wait for ever.
+                yield from forked.map(_call, [pickle.dumps((function, task)) for task in tasks])
+            except BrokenExecutor:
+                raise InputError(self.lost) from None
 
         try:
             yield spread
@@ -80,8 +87,8 @@ def _call(pickled: bytes) -> Any:
 
 
 def one_a_cpu() -> Processes:
-    """One process per CPU of this machine."""
-    return Processes(os.cpu_count() or 1)
+    """One process per CPU that this process may use."""
+    return Processes(len(os.sched_getaffinity(0)))
 
 
 def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = None) -> None:

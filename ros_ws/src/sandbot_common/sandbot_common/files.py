@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import re
+import secrets
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -28,18 +29,21 @@ def whole_file(path: Path) -> Iterator[Path]:
         return
     path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    # mkstemp's mode 0600 would hide a result from colleagues.
-    umask = os.umask(0)
-    os.umask(umask)
-    temporary.chmod(0o666 & ~umask)
+    temporary = temporary_name(path)
+    temporary.touch(exist_ok=False)
     try:
         yield temporary
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def temporary_name(path: Path) -> Path:
+    """A new hidden name next to ``path``.
+
+    Not of ``tempfile``, whose files only their owner may read, nor widened by the umask, which other threads share.
+    """
+    return path.parent / f".{path.name}.{secrets.token_hex(4)}"
 
 
 def _is_special(path: Path) -> bool:

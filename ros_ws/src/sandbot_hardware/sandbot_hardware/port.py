@@ -6,6 +6,7 @@ import select
 import termios
 import threading
 import time
+import traceback
 from collections.abc import Callable
 
 import serial
@@ -64,11 +65,19 @@ class Port:
         self._closing.set()
         self._thread.join()
         with self._lock:
-            if self._device is not None:
-                self._device.close()
-                self._device = None
+            self._drop()
 
     def _run(self) -> None:
+        try:
+            self._read_until_closed()
+        except Exception as error:  # of the driver; nothing else reports failures in this thread
+            traceback.print_exception(error)
+            with self._lock:
+                self._drop()
+                self.trouble = f"{self._path}: {type(error).__name__}: {error}; restart the driver"
+            self._log(self.trouble)
+
+    def _read_until_closed(self) -> None:
         while not self._closing.is_set():
             device = self._device or self._open()
             if device is None:
@@ -106,10 +115,13 @@ class Port:
         return device
 
     def _lose(self, error: Exception) -> None:
+        self._drop()
+        self._set_trouble(f"{self._path}: {_reason(error)}")
+
+    def _drop(self) -> None:
         if self._device is not None:
             self._device.close()
             self._device = None
-        self._set_trouble(f"{self._path}: {_reason(error)}")
 
     def _set_trouble(self, trouble: str) -> None:
         self.trouble = trouble

@@ -167,6 +167,8 @@ def test_a_stiffness_is_pressed_at_the_depth_of_the_robot_that_walked(drawn, rob
         ("phi,k_n_m\n0.6,200\n", "'k_n_m' is not known, did you mean 'k_n_per_m'"),
         ("phi,depth_m,force_n\n0.6,0.03,x\n", "row 2, force_n"),
         ("phi,depth_m,force_n\n0.6,0.03,nan\n", "row 2, force_n"),
+        ("phi,depth_m,force_n\n0.6,0.03,1_0\n", "row 2, force_n: '1_0' is not a number"),
+        ("phi,depth_m,force_n\n0.6,0.03,−3\n", "row 2, force_n: −3 is not between 0 and 1000"),
         ("phi,depth_m,force_n\n6,0.03,5\n", "row 2, phi"),
         ("phi,depth_m,force_n\n0.6,3,5\n", "row 2, depth_m"),
         ("phi,depth_m,force_n,force_sd_n\n0.6,0.03,5,0\n", "row 2, force_sd_n"),

@@ -1,5 +1,7 @@
 """What stands behind a cell: its trials, their waveforms and their bags."""
 
+import shutil
+
 import pytest
 from made_up import walking_bag
 
@@ -27,6 +29,19 @@ def test_a_cell_shows_its_trials_waveforms_and_recordings(session, trials, tmp_p
         assert client.get(other, headers={"Host": "127.0.0.1:1"}).status_code == 404
     (tmp_path / "other.mcap").write_bytes(b"not shown")
     assert b"not shown" not in client.get(f"/bag/{name}/..%2Fother.mcap", headers={"Host": "127.0.0.1:1"}).data
+
+
+def test_the_film_of_a_trial_run_again_is_that_of_the_new_bag(tmp_path, monkeypatch):
+    read = []
+    monkeypatch.setattr(cell_trials.film_strip, "of_bag", lambda bag: read.append(bag) or [(b"", "a frame")])
+    bag = walking_bag(tmp_path / "t", v_x=lambda t: 0.1)
+    cell_trials.film({"t": bag}, ["t"])
+    cell_trials.film({"t": bag}, ["t"])
+    assert len(read) == 1
+    shutil.rmtree(bag)
+    walking_bag(bag, v_x=lambda t: 0.2)
+    cell_trials.film({"t": bag}, ["t"])
+    assert len(read) == 2
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 """Fits behind the page: those of ``compare``, each made once, none waited for without end."""
 
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 
 import numpy as np
 import pytest
@@ -78,6 +78,48 @@ def test_what_no_worker_has_begun_is_fitted_here(trials):
     assert set(session.previews(Selection()).values()) == {None}
     assert session.ladder(Selection(effects=("leg_slip",)))[-1].fit.effects == ("leg_slip",)
     assert session.previews(Selection())["leg_slip"] is not None
+
+
+class Killed(Inline):
+    """Workers the first of which are killed, with what they had in hand."""
+
+    def __init__(self, error):
+        self.error, self.killed, self.asked = error, True, 0
+
+    def submit(self, function, /, *arguments, **named):
+        self.asked += 1
+        if not self.killed:
+            return super().submit(function, *arguments, **named)
+        future = Future()
+        future.set_running_or_notify_cancel()
+        future.set_exception(self.error)
+        return future
+
+
+def test_what_a_killed_worker_had_in_hand_is_asked_for_again(trials):
+    chosen = Selection(effects=("leg_slip",))
+    session = Session(cells_of(trials), workers := Killed(BrokenExecutor()))
+    assert session.step(chosen).fit.effects == ("leg_slip",)
+    session.fit_ahead(Selection())
+    assert session.previews(Selection())["cable_drag"] is None
+    assert session.with_final_errors(chosen) is None
+    with pytest.raises(InputError, match="killed"):
+        session.suggest(Selection(), lambda *_: None)
+    workers.killed = False
+    session.catalogue = lambda formulas=(): {name: EFFECTS[name] for name in ("leg_slip", "cable_drag")}
+    session.fit_ahead(Selection())
+    assert np.isfinite(session.previews(Selection())["cable_drag"]).all()
+    assert session.with_final_errors(chosen) is not None
+
+
+def test_a_fit_that_failed_is_not_asked_for_again(trials):
+    session = Session(cells_of(trials), workers := Killed(ArithmeticError()))
+    session.fit_ahead(Selection())
+    asked = workers.asked
+    workers.killed = False
+    session.fit_ahead(Selection())
+    assert np.isnan(session.previews(Selection())["cable_drag"]).all()
+    assert workers.asked == asked
 
 
 def test_promises_are_the_errors_that_come_true(trials):

@@ -1,5 +1,7 @@
 """Waveforms from bags, and the model's beside them."""
 
+import shutil
+
 import numpy as np
 import pytest
 from made_up import PACE, walking_bag
@@ -50,6 +52,18 @@ def test_the_modelled_waveform_is_the_arc_of_a_leg_that_holds(tmp_path, session)
     assert [trace["name"] for trace in spec["data"]] == ["model", "t00"]
     assert max(spec["data"][0]["y"]) == pytest.approx(100 * radius * PACE, rel=0.01)
     assert "v<sub>x</sub> (cm/s)" in spec["layout"]["yaxis"]["title"]["text"]
+
+
+def test_a_trial_run_again_under_its_name_is_read_again(tmp_path):
+    bag = walking_bag(tmp_path / "t00", v_x=lambda t: 0.1)
+    (before,), _ = waveforms.read({"t00": bag}, ["t00"])
+    (untouched,), _ = waveforms.read({"t00": bag}, ["t00"])
+    assert untouched is before
+    shutil.rmtree(bag)
+    assert waveforms.read({"t00": bag}, ["t00"])[0] == []
+    walking_bag(bag, v_x=lambda t: 0.2)
+    (after,), _ = waveforms.read({"t00": bag}, ["t00"])
+    assert after.speed_m_s.max() == pytest.approx(0.2)
 
 
 def test_without_leg_states_there_is_no_modelled_waveform(tmp_path, session):

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting import leave_one_out as module
+from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import nearby_state
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.leave_one_out import cross_validation, leave_one_out, left_out_with
 from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
@@ -80,3 +82,21 @@ def test_a_day_left_out_is_what_a_fit_without_it_predicts(drawn):
         whole = days.problem.states(without.theta, without.ln_k, days.state.slope)
         residual = days.cells.mean[cell, Observable.speed] - whole.predicted[0, cell, Observable.speed]
         assert found.residual[cell, Observable.speed] == pytest.approx(residual, abs=0.3 * noise[cell])
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_cell_fitted_again_takes_nothing_from_the_step_that_is_not_trusted(base, monkeypatch, again):
+    """Not even the offsets of the blocks, which the step has wrong here."""
+    count = len(base.cells)
+    by_block = np.eye(3)[np.arange(count) % 3]
+    names, flat = ("one", "two", "three"), np.zeros((count, 4, 3))
+    offsets = Nuisances(names, np.full(3, 0.01), flat, np.full(count, 0.01), np.zeros(3), by_block)
+    own = fitted_at(MODEL, base.cells, base.point, offsets)
+    jacobian = full_jacobian(own.problem, own.state)[0]
+    monkeypatch.setattr(module, "_moved_far", lambda *_: np.full(count, again))
+    right = leave_one_out(own.problem, own.state, jacobian)
+    theta, ln_k, shared, speed_sd = module._linear_step(own.problem, own.state, jacobian)
+    monkeypatch.setattr(module, "_linear_step", lambda *_: (theta, ln_k, shared + 0.05, speed_sd))
+    wrong = leave_one_out(own.problem, own.state, jacobian)
+    assert right.scored.any()
+    assert np.array_equal(wrong.residual[right.scored], right.residual[right.scored], equal_nan=True) == again

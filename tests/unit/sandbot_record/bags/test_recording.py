@@ -318,6 +318,26 @@ def test_a_topic_registered_again_with_another_type_ends_the_recording(tmp_path)
     assert "not std_msgs/msg/Bool" in made.reason
 
 
+def test_a_topic_that_appears_while_the_disk_stands_still_is_recorded(tmp_path):
+    made = recording(tmp_path / "b")
+    writing, goes_on = threading.Event(), threading.Event()
+
+    def stand_still(data):
+        writing.set()
+        assert goes_on.wait(10)
+        return data
+
+    made._convert["/x"] = stand_still
+    put(made, [1, 2])
+    assert writing.wait(10)
+    made.add_topic("/late", KIND)
+    made.put(Received("/late", bags.joint_state(3, 3), bags.T0 + 3, bags.T0 + 3, 1))
+    goes_on.set()
+    made.close()
+    assert made.last_line().startswith("recorded 3 messages of 2 topics to ")
+    assert not made.failed
+
+
 def test_an_image_that_cannot_become_a_video_stops_with_the_reason(tmp_path):
     made = Recording(
         BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic

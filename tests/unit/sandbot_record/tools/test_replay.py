@@ -1,7 +1,9 @@
+import threading
 from collections import deque
 
 import bags
 import pytest
+from rclpy.parameter import Parameter
 
 from sandbot_common import topics
 from sandbot_record.bags.playback import Player, Timeline
@@ -54,6 +56,17 @@ def test_jpeg_frames_are_known_as_such(tmp_path):
 )
 def test_what_nobody_else_may_publish_is_watched(played, watched):
     assert set(replay_node._live_topics(played)) == watched
+
+
+@pytest.mark.parametrize(("rate", "position_s", "set_"), [(2.0, 0.002, True), (2.0, 1e10, False), (-1.0, 0.002, False)])
+def test_of_two_parameters_both_are_set_or_none(tmp_path, rate, position_s, set_):
+    one = object.__new__(replay_node.Replay)
+    one._player = player = Player(Timeline(Bag.open(bags.legs_bag(tmp_path / "bag", 5))))
+    one._lock, one._changed = threading.Lock(), threading.Event()
+    start = player.position_ns(0)
+    asked = [Parameter("position_s", value=position_s), Parameter("rate", value=rate)]
+    assert one._on_parameters(asked).successful is set_
+    assert (player.rate, player.position_ns(0) > start) == ((2.0, True) if set_ else (1.0, False))
 
 
 @pytest.mark.ros

@@ -102,6 +102,11 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number; a value is needed here"),
         (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
         (GOOD + "60,8,0.2\n", "row 4, column phi: 60 is out of range: .* divide percent by 100"),
+        (
+            "phi [%],omega_rad_s,speed_m_s\n105,8,0.2\n",
+            "phi: 105 × 0.01 = 1.05 is out of range: a volume fraction between 0 and 1, both excluded is needed$",
+        ),
+        ("phi,omega [Hz],speed_m_s\n.6,-2,0.2\n", "omega_rad_s: -2 × 6.283 = -12.57 is out of range: a leg freq"),
         (GOOD + "0.6_0,8,0.2\n", "row 4, column phi: '0.6_0' is not a number"),
         (GOOD + "6_0%,8,0.2\n", "row 4, column phi: '6_0' is not a number"),
         *(

@@ -16,6 +16,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 import math
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -158,7 +159,13 @@ class ClockNode(Node):
             self._missed += count
 
         self._real_time = ask_for_real_time(_SCHEDULE_PRIORITY)
-        keep(schedule, duty, time.monotonic_ns, time.sleep, skip)
+        try:
+            keep(schedule, duty, time.monotonic_ns, time.sleep, skip)
+        except Exception as error:  # nothing else reports failures in this thread; the robot's own lease holds the legs
+            traceback.print_exception(error)
+            fault = f"{type(error).__name__}: {error}"
+            self._legs = self._legs and self._legs.stopped((last_ns - lost_ns) / NANO)
+            self._running = False
         if fault:
             self._health.level, self._health.text = 2, f"stopped: {fault}"
             self._health.publish()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sandbot_common.arrays import Floats, Ints
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
-from sandbot_common.separated import read_csv
+from sandbot_common.separated import number_in, read_csv
 from sandbot_common.suggest import near
 
 USUAL_SD = 0.02
@@ -153,7 +153,7 @@ def _column(
     found = np.empty(len(rows))
     for index, (number, row) in enumerate(rows):
         try:
-            found[index] = float(row[name])
+            found[index] = number_in(row[name])
         except ValueError:
             raise InputError(f"{path}: row {number}, {name}: {row[name]!r} is not a number") from None
         if not low < found[index] < high:

@@ -15,6 +15,7 @@ from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import waveforms
 from sandbot_model.report.theme import Theme
 from sandbot_record.trials import film_strip
+from sandbot_record.trials.cache import file_state
 from sandbot_record.trials.table import Trials
 
 COLUMNS = (
@@ -53,7 +54,7 @@ def film(bags: Mapping[str, Path], ids: Sequence[str]) -> list[Any]:
     """Tracked video of the first trial with stored frames, or a line that there is none."""
     for name in ids:
         try:
-            if strip := film_of(bags[name]):
+            if strip := film_of(bags[name], file_state(bags[name])):
                 return [html.H3(f"Lateral video of {name}, tracked axles marked"), blocks.film(strip)]
         except InputError as error:
             return [html.P(f"Video of {name}: {error}", className="soft")]
@@ -84,6 +85,6 @@ def _cell(value: Any, scale: float) -> str:
 
 
 @lru_cache(maxsize=16)
-def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
+def film_of(bag: Path, _state: str) -> tuple[tuple[bytes, str], ...]:
     """Tracked lateral frames of one bag as (JPEG, caption); empty if no frames were stored. Raises InputError."""
     return tuple(film_strip.of_bag(bag))

@@ -7,14 +7,15 @@ methods may be called from any thread.
 import contextlib
 import math
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection, name_of
@@ -116,10 +117,10 @@ class Session:
         if selection.by_hand or not found.model.effects:
             return found
         with self._lock:
-            if key not in self._errors:
+            if _lost(self._errors.get(key)):
                 self._errors[key] = self._workers.submit(sampled_errors, found.model, found.cells, found.point)
             future = self._errors[key]
-            if not future.done():
+            if not future.done() or _lost(future):
                 return None
             if found.stderr is not (errors := future.result())["stderr"]:
                 found = replace(found, **errors)  # type: ignore[arg-type]
@@ -165,13 +166,17 @@ class Session:
                 return next((found for found in ended if found.point is task[-1]), None)
             return None
 
-        def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
+        def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
             known = [prefetched(function, task) for task in tasks]
             submitted = [
                 self._workers.submit(function, task) if found is None else None
                 for task, found in zip(tasks, known, strict=True)
             ]
-            return (found if later is None else later.result() for found, later in zip(known, submitted, strict=True))
+            try:
+                for found, later in zip(known, submitted, strict=True):
+                    yield found if later is None else later.result()
+            except BrokenExecutor:
+                raise InputError(Processes.lost) from None
 
         return discover(
             self.cells,
@@ -229,7 +234,7 @@ class Session:
         future, model = self._submit(selection), self.model(selection)
         if not future.cancel():
             # A pool reports queued tasks as running, and workers have low priority.
-            with contextlib.suppress(TimeoutError):
+            with contextlib.suppress(TimeoutError, BrokenExecutor):
                 return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
         start, key = self._warm_start(selection), self._key(selection)
         found = fit(model, self.cells, start)
@@ -249,7 +254,7 @@ class Session:
         """The fit of a selection, submitted if new, with a warm start from the fit without its last effect."""
         key = self._key(selection)
         with self._lock:
-            if key not in self._solved:
+            if _lost(self._solved.get(key)):
                 model, start = self.model(selection), self._warm_start(selection)
                 self._solved[key], self._starts[key] = self._workers.submit(solve, model, self.cells, start), start
             return self._solved[key]
@@ -266,8 +271,15 @@ def _same_start(first: WarmStart | None, second: WarmStart | None) -> bool:
     return first.deviance == second.deviance and dict(first.parameters) == dict(second.parameters)
 
 
+def _lost(future: "Future[Any] | None") -> bool:
+    """Whether a task was never submitted, or its worker was killed."""
+    return future is None or (
+        future.done() and not future.cancelled() and isinstance(future.exception(), BrokenExecutor)
+    )
+
+
 def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:
-    if future is None or future.cancelled() or not future.done():
+    if future is None or _lost(future) or future.cancelled() or not future.done():
         return None
     if future.exception() is not None:
         return math.nan, math.nan

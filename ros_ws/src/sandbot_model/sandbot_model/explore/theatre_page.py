@@ -24,6 +24,7 @@ from sandbot_model.report.page import for_script, source
 from sandbot_model.report.theme import THEMES
 from sandbot_model.report.view import Step
 from sandbot_record.bags.reader import Bag
+from sandbot_record.trials.cache import file_state
 from sandbot_record.trials.film import Film, film_of
 from sandbot_record.trials.table import Trials
 
@@ -96,7 +97,7 @@ class TheatrePage:
         return Response(
             PAGE.format(
                 trial=escape(trial), style=source("report.css"), query=escape(query), model=escape(model), others=links,
-                film="" if film is None else _screen(trial), leg=_leg(scene),
+                film="" if film is None else _screen(trial, self._bags[trial]), leg=_leg(scene),
                 start=min(0.0, float(scene.waveform.time_s[0])), end=scene.end_s, address=escape(address),
                 records=_figure("records", records_caption(scene), '<div id="cursor" class="cursor"></div>'),
                 phase=_figure("phase", phase_caption(walking)),
@@ -161,8 +162,9 @@ def _plotly() -> Response:
     return answer
 
 
-def _screen(trial: str) -> str:
-    frame = f"/theatre/frame/{quote(trial)}/FRAME.jpg"
+def _screen(trial: str, bag: Path) -> str:
+    # A browser keeps the frames; those of the trial run again have other addresses.
+    frame = f"/theatre/frame/{quote(trial)}/FRAME.jpg?bag={file_state(bag)}"
     first = frame.replace("FRAME", "0")
     return f'<img id="film" alt="Lateral camera, tracked axles marked" data-address="{frame}" src="{first}">'
 

@@ -68,7 +68,8 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
     far = np.flatnonzero(scored & _moved_far(problem, state, found.predicted))
     if len(far):
         for cell in far:
-            theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
+            without = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
+            theta[cell], ln_k[cell], shared[cell] = without
         found = problem.cell_by_cell(theta, ln_k, state.slope, shared)
     scored &= problem.away_from_switch(found.widening)
     scored &= found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
@@ -123,13 +124,13 @@ def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
     return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])))
 
 
-def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
-    """θ and ln k fitted without a cell and those left out with it: the better of descents from the linear step and from
-    the full fit."""
+def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array, Array]:
+    """θ, ln k and nuisances fitted without a cell and those left out with it: the better of descents from the linear
+    step and from the full fit."""
     left_out = np.flatnonzero(left_out_with(problem.cells)[cell])
     fewer = problem.without(left_out)
     both = np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]])
     begin = fewer.states(*both, state.slope, problem.bed(state))
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())
-    return found.theta[best], found.ln_k[best]
+    return found.theta[best], found.ln_k[best], fewer.shared(found)[best]

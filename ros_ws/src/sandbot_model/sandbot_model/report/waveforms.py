@@ -22,6 +22,7 @@ from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.trials.cache import file_state
 from sandbot_record.trials.from_bags import plan_of, start_ns
 from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import of_bag
@@ -68,14 +69,14 @@ def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Wavef
             missing.append(f"{trial_id}: no bag of that name")
             continue
         try:
-            found.append(_read_waveform(trial_id, bags[trial_id]))
+            found.append(_read_waveform(trial_id, bags[trial_id], file_state(bags[trial_id])))
         except InputError as error:
             missing.append(f"{trial_id}: {error}")
     return found, missing
 
 
 @lru_cache(maxsize=64)
-def _read_waveform(trial_id: str, path: Path) -> Waveform:
+def _read_waveform(trial_id: str, path: Path, _state: str) -> Waveform:
     bag = Bag.open(path)
     speed = bag.columns(topics.SPEED.name, "twist.twist.linear.x", *FIELD_STAMP)
     if not len(speed.log_time_ns):

@@ -12,13 +12,14 @@ import sys
 import tempfile
 import threading
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
-from sandbot_common.crew import count
+from sandbot_common.crew import count, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
@@ -67,7 +68,7 @@ def _explore(argv: Sequence[str]) -> None:
     parser.add_argument(
         "--workers",
         type=count,
-        default=min(4, os.cpu_count() or 1),
+        default=min(4, one_a_cpu().size),
         metavar="N",
         help="processes that fit ahead (default: one per CPU, 4 at most)",
     )
@@ -80,11 +81,13 @@ def _explore(argv: Sequence[str]) -> None:
     title = arguments.title(args)
     arguments.check_setting(args)
     _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
+    from sandbot_common.renewed import Renewed
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
     campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
-    workers = pool(args.workers, "fork", also=_lower_priority)
+    spawned = partial(pool, args.workers, "spawn", also=partial(_begin_anew, args.effects_from))
+    workers = Renewed(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
     # SIGTERM (from a launcher, a test) is handled like Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     servers = _Servers(args, title, query, workers)
@@ -114,7 +117,7 @@ def _initial_selection(args: argparse.Namespace) -> Selection:
 class _Servers:
     """Makes servers for the current data, by the options of the command line and with one pool of workers."""
 
-    def __init__(self, args: argparse.Namespace, title: str, query: str, workers: ProcessPoolExecutor) -> None:
+    def __init__(self, args: argparse.Namespace, title: str, query: str, workers: Executor) -> None:
         self.args, self._title, self.query, self._workers = args, title, query, workers
 
     def read(self) -> "tuple[Trials, str, Cells]":
@@ -159,6 +162,14 @@ class _Servers:
 def _lower_priority() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICE)
+
+
+def _begin_anew(effect_files: Sequence[Path]) -> None:
+    """Prepare a worker that inherits nothing: tasks name users' effects by the modules of their files."""
+    from sandbot_model.physics.catalogue import catalogue
+
+    _lower_priority()
+    catalogue(effect_files)
 
 
 def _listen(port: int) -> socket.socket:

@@ -99,11 +99,10 @@ class Recording:
         self._writer, self._limits, self._images, self._codec = writer, limits, images, codec
         self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
         self._flushed_s = 0.0
-        self._queue: deque[Received] = deque()
+        self._queue: deque[Received | Callable[[], None]] = deque()
         self._queued_bytes = 0
         self._wake, self._finish = threading.Event(), threading.Event()
         self._lock = threading.Lock()
-        self._pending_topics: deque[Callable[[], None]] = deque()
         self._written_as: dict[str, str] = {}
         self._image_topics: set[str] = set()
         self._convert: dict[str, Callable[[bytes], bytes]] = {}
@@ -147,14 +146,14 @@ class Recording:
             written, type_name = self._keep_frames(name)
             definition = type_hash = None
         self._written_as[name] = written
-        self._pending_topics.append(
+        self._queue.append(
             lambda: self._writer.add_topic(written, type_name, qos=qos, definition=definition, type_hash=type_hash)
         )
         self._wake.set()
 
     def attach(self, name: str, data: bytes) -> None:
         """Queue a YAML attachment for the writer thread, ahead of any later message."""
-        self._pending_topics.append(lambda: self._writer.attach(name, data, "application/yaml"))
+        self._queue.append(lambda: self._writer.attach(name, data, "application/yaml"))
         self._wake.set()
 
     def _keep_frames(self, name: str) -> tuple[str, str]:
@@ -322,13 +321,14 @@ class Recording:
                 self.on_stop()
 
     def _drain(self) -> None:
-        while self._pending_topics:
-            self._pending_topics.popleft()()
         while self._queue:
-            message = self._queue.popleft()
-            with self._lock:
-                self._queued_bytes -= len(message.data)
-            self._write(message)
+            work = self._queue.popleft()
+            if isinstance(work, Received):
+                with self._lock:
+                    self._queued_bytes -= len(work.data)
+                self._write(work)
+            else:
+                work()
             # Also here: on a busy machine the queue may not empty for seconds, and a full disk shows only on writing.
             self._flush_if_due()
 

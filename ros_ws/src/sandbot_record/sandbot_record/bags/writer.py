@@ -5,9 +5,7 @@ leaves nothing. Live (``whole=False``) it has its final name from the start and 
 an interrupted recording leaves an unfinished bag that `recover` can complete.
 """
 
-import os
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +17,7 @@ from mcap.records import Schema
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import sync
+from sandbot_common.files import sync, temporary_name
 from sandbot_common.topics import Topic
 from sandbot_record.bags import interfaces, metadata
 from sandbot_record.bags.interfaces import ROS2MSG, Interface
@@ -110,10 +108,8 @@ class BagWriter:
         if not whole:
             self.path.mkdir()
             return self.path
-        folder = Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
-        umask = os.umask(0)
-        os.umask(umask)
-        folder.chmod(0o777 & ~umask)
+        folder = temporary_name(self.path)
+        folder.mkdir()
         return folder
 
     @property

@@ -223,15 +223,16 @@ class Replay(Node):
         return response
 
     def _on_parameters(self, changed: list[Parameter]) -> SetParametersResult:
-        try:
-            with self._lock:
-                for parameter in changed:
-                    if parameter.name == "rate":
-                        self._player.set_rate(float(parameter.value), time.monotonic_ns())
-                    elif parameter.name == "position_s":
-                        self._player.seek(float(parameter.value), time.monotonic_ns())
-        except InputError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+        wanted, now = {parameter.name: parameter.value for parameter in changed}, time.monotonic_ns()
+        with self._lock:
+            before = self._player.rate
+            try:
+                self._player.set_rate(float(wanted.get("rate", before)), now)
+                if "position_s" in wanted:
+                    self._player.seek(float(wanted["position_s"]), now)
+            except InputError as error:
+                self._player.set_rate(before, now)  # none is set if one is refused
+                return SetParametersResult(successful=False, reason=str(error))
         self._changed.set()
         return SetParametersResult(successful=True)
 

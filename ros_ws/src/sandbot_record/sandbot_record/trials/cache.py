@@ -36,7 +36,7 @@ class Cache:
     folder: Path
     measured: dict[str, Measured] = field(default_factory=dict)
     seen: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """By bag name: the state of its files (``_file_state``) and its content hash."""
+    """By bag name: the state of its files (``file_state``) and its content hash."""
     tabled: set[str] = field(default_factory=set)
     """Content hashes of the bags when trials.csv was written; empty if unknown."""
     written: str = ""
@@ -61,7 +61,7 @@ class Cache:
 
     def key(self, bag: Path) -> str:
         """The hash of a bag's content, computed only if its files have changed."""
-        state = _file_state(bag)
+        state = file_state(bag)
         before, key = self.seen.get(bag.name, ("", ""))
         if state != before:
             key = content_hash(bag)
@@ -109,9 +109,15 @@ def content_hash(bag: Path) -> str:
     return digest.hexdigest()
 
 
-def _file_state(bag: Path) -> str:
-    """Hash of the names, sizes and times of a bag's files; includes ctime, which users can't set."""
-    stats = [(file.name, file.stat()) for file in files_of(bag)]
+def file_state(bag: Path) -> str:
+    """Hash of the names, sizes and times of a bag's files; includes ctime, which users can't set. Empty without a bag.
+
+    A trial that is run again has the name of the bag before it, but not this.
+    """
+    try:
+        stats = [(file.name, file.stat()) for file in files_of(bag)]
+    except FileNotFoundError:
+        return ""
     text = "\0".join(f"{name}\0{stat.st_size}\0{stat.st_mtime_ns}\0{stat.st_ctime_ns}" for name, stat in stats)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 

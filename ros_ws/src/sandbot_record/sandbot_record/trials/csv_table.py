@@ -1,6 +1,5 @@
 """A trials table as CSV: this project's own, or any table with the three required columns."""
 
-import contextlib
 import csv
 import io
 import math
@@ -16,6 +15,9 @@ from sandbot_record.trials.columns import Kind
 from sandbot_record.trials.header import check_header, is_read, known_names, unit_in_header, unread, with_unit_row
 from sandbot_record.trials.table import COLUMNS, CONDITION, OK, REQUIRED, Row, Trials, check_ids, from_rows
 
+Cell = tuple[str, float]
+"""A cell's text, and the factor to the unit of its column in the table."""
+_EMPTY: Cell = "", 1.0
 NAMELESS = re.compile(r"row\d+")
 """Generated ids of trials in tables without a trial_id."""
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
@@ -64,7 +66,7 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     check_header(where, header, given)
     rows, numbers = [], []
     for number, cells in lines:
-        own = {name: _in_si(cells[original], original) for name, original in zip(header, given, strict=True)}
+        own = {name: _with_factor(cells[original], original) for name, original in zip(header, given, strict=True)}
         rows.append(_csv_row(f"{where}: row {number}", number, own))
         numbers.append(number)
     if not rows:
@@ -73,31 +75,29 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     return rows
 
 
-def _in_si(text: str, column: str) -> str:
+def _with_factor(text: str, column: str) -> Cell:
     name, factor = unit_in_header(column)
     if name in ("phi", "phi_sd") and text.endswith("%"):  # a spreadsheet's format of a cell
         text, factor = text.removesuffix("%").rstrip(), 0.01
-    with contextlib.suppress(ValueError):
-        return text if factor == 1.0 or not text else repr(separated.number_in(text) * factor)
-    return text
+    return text, factor
 
 
-def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
-    status = cells.get("status", "") or OK
+def _csv_row(where: str, number: int, cells: Mapping[str, Cell]) -> Row:
+    status = cells.get("status", _EMPTY)[0] or OK
     status = OK if status.lower() == OK else status
-    if status == OK and (summary := cells.get("trial_id", "")).lower() in _SUMMARIES:
+    if status == OK and (summary := cells.get("trial_id", _EMPTY)[0]).lower() in _SUMMARIES:
         raise InputError(
             f"{where}, column trial_id: {summary!r} is a summary, not a trial; leave it out (or give it a status other "
             "than ok)"
         )
     values: dict[str, Any] = {}
     for name, column in COLUMNS.items():
-        written = cells.get(name, "")
+        cell = cells.get(name, _EMPTY)
         if column.kind is None:
-            values[name] = _text(name, written)
+            values[name] = _text(name, cell[0])
         else:
             needed = name in CONDITION and status == OK
-            values[name] = _number(f"{where}, column {name}", column.kind, written, required=needed)
+            values[name] = _number(f"{where}, column {name}", column.kind, cell, required=needed)
     return Row(**values | {"status": status, "trial_id": values["trial_id"] or f"row{number}"})
 
 
@@ -119,21 +119,23 @@ _CANONICAL = {"gait": _gait, "batch": _batch}
 """Functions that unify different spellings of the same value."""
 
 
-def _number(where: str, kind: Kind, text: str, *, required: bool) -> float:
+def _number(where: str, kind: Kind, cell: Cell, *, required: bool) -> float:
+    text, factor = cell
     instead = "a value is needed here (or a status other than ok)" if required else "leave empty what was not measured"
     if text.lower() in _NOT_MEASURED:
         if required:
             raise InputError(f"{where}: {text or 'empty'}; {instead}")
         return math.nan
     try:
-        value = separated.number_in(text)
+        value = separated.number_in(text) * factor
     except ValueError:
         instead = "write decimals with a point" if "," in text else instead
         raise InputError(f"{where}: {text!r} is not a number; {instead}") from None
     if not math.isfinite(value):
         raise InputError(f"{where}: {text} is not a finite number; {instead}")
     if not kind.admits(value):
-        percent = "; divide percent by 100" if "%" in kind.factors and 1 < value < 100 else ""
+        percent = "; divide percent by 100" if "%" in kind.factors and factor == 1.0 and 1 < value < 100 else ""
+        text += "" if factor == 1.0 else f" × {factor:.4g} = {value:.4g}"
         raise InputError(f"{where}: {text} is out of range: {kind.needed} is needed{percent}")
     return value
 
