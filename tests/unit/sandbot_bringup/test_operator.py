@@ -90,6 +90,15 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
 
 
+@pytest.mark.parametrize(("reports", "said"), [(True, "no leg moved"), (False, "whether a leg moved is not known")])
+def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
+    one = operator()
+    one._wait = lambda *_: False
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=reports)
+    with pytest.raises(TrialFailed, match=f"the clock was started but {said}"):
+        one._walk(TRIAL)
+
+
 def test_what_begins_is_told_by_legs_and_bed_themselves():
     """Whoever has not got the answer asks again only for what has not begun."""
     one, begun = operator(), {}
@@ -97,7 +106,12 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     one._orders.call = lambda name, word=None: begun.update({name: word})
     one._wait = lambda *_: False
     one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses, bed_preparation="3", bed_stage="ready", bed_text="", motion_start_ns=None
+        statuses=Hearing.statuses,
+        bed_preparation="3",
+        bed_stage="ready",
+        bed_text="",
+        motion_start_ns=None,
+        reports_legs=True,
     )
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
@@ -134,7 +148,12 @@ def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
     one._lease = SimpleNamespace(publish=lambda message: said.append(message.frame_id), wait_for_all_acked=lambda _: 1)
     one._wait = lambda condition, _: condition()
     one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses, bed_preparation="", bed_stage="failed", bed_text="no height", motion_start_ns=None
+        statuses=Hearing.statuses,
+        bed_preparation="",
+        bed_stage="failed",
+        bed_text="no height",
+        motion_start_ns=None,
+        reports_legs=True,
     )
     one._orders.call = lambda name, *_: asked.update({name: said[-1:]})
     with pytest.raises(TrialFailed):

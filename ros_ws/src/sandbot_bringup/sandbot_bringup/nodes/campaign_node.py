@@ -286,7 +286,8 @@ class Operator(Node):
         with self._allowing(LEGS):
             self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
-            raise TrialFailed("the clock was started but no leg moved (/leg_states)")
+            moved = "no leg moved" if legs.reports_legs else "whether a leg moved is not known: nothing is heard"
+            raise TrialFailed(f"the clock was started but {moved} ({topics.LEG_STATES.name})")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
         legs.watch_walking()
 

@@ -132,9 +132,14 @@ class Hearing:
         self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
 
     @property
+    def reports_legs(self) -> bool:
+        """Whether the robot currently reports its legs; one at rest may be silent."""
+        return self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+
+    @property
     def reports_motion(self) -> bool:
         """Whether the robot currently reports that its legs move; false if it has died in the middle of a walk."""
-        return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+        return self.moving and self.reports_legs
 
     def stop_watching(self) -> None:
         """Nothing is under way: anybody may fall silent."""
