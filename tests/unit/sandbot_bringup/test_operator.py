@@ -1,6 +1,7 @@
 """What a campaign asks for in which order, and what becomes of a bag it can't read: without a graph."""
 
 import json
+import math
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -69,6 +70,7 @@ def operator(refused="", plan=PLAN):
     one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
     one._bed, one._found = plan.bed_protocol, {}
     one._lease, one._commanding = None, False
+    one._health = SimpleNamespace(held_up_s=0.0, refused="")
     one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
 
@@ -175,6 +177,26 @@ def test_who_was_held_up_until_just_now_is_asked_again():
     assert waited == [AWAKE_S]
 
 
+@pytest.mark.parametrize("held_s", [0.0, 41.0])
+def test_a_campaign_that_was_suspended_commands_nothing_when_it_wakes(held_s):
+    """Another may have taken over: its legs were stopped, and its settings overwritten."""
+    one, sent, renewed = operator(), [], []
+    one._read_settings()
+    one._orders.send, one._spin_until, one._recorder = sent.append, lambda *_: True, object()
+    one._commanding, one._renewed_s, one._allowed = True, -math.inf, "legs"
+    one._lease = SimpleNamespace(publish=renewed.append)
+    one.get_name = lambda: "campaign"
+    one.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1))
+    one._health = SimpleNamespace(held_up_s=held_s, refused="taken over" * bool(held_s))
+    one._hearing.fault = lambda: ""
+    one._recorder = SimpleNamespace(ended=False, frozen=False)
+    one._renew(1.0)
+    assert one._fault() == ("the campaign was held up for 41 s" if held_s else "")
+    one._make_safe()
+    one.restore_settings()
+    assert bool(renewed) is bool(sent) is bool(one._orders.values) is (not held_s)
+
+
 @pytest.mark.ros
 def test_a_stop_is_heard_from_the_first_moment_and_holds_what_has_not_begun(domain):
     rclpy.init()
@@ -215,7 +237,7 @@ def run(tmp_path, damage):
         damage(bags.trial_bag(aside))
         return type("Recorder", (), {"code": 0})()
 
-    one._set_up, one._run = lambda _: None, record
+    one._set_up, one._run, one._wait = lambda _: None, record, lambda *_: True
     return one.run(TRIAL, folder, []), folder
 
 
