@@ -210,8 +210,8 @@ class Recorder(Node):
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
         # Stamps are of the publisher's clock, and ours may be set meanwhile: they are compared only until soon after
-        # this trial's /trial, which comes from this host and only once we record: an older /trial that comes at any time
-        # is that of a campaign that was suspended and has just been resumed.
+        # this trial's /trial, which comes from this host and only once we record. An older /trial, whenever it
+        # comes, is that of a campaign that was suspended and has just been resumed.
         is_trial = source.name == topics.TRIAL.name
         fresh = received < self._fresh_from_ns or (is_trial and self._fresh_from_ns > 0)
         if source.transient and published < self._start_ns and fresh:
