@@ -9,6 +9,7 @@ from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.nodes.gate_node import Gate
 from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
 from sandbot_common.health import PROCESS
 from sandbot_common.ros.endpoints import NAMELESS
 
@@ -118,6 +119,21 @@ def test_a_driver_whose_cable_is_out_ends_the_trial(hearing, driver):
     assert hearing.fault() == f"the {driver} has lost its device: the device gives no frames"
     hearing._on_diagnostics(messages.diagnostics(1, driver, {}))
     assert not hearing.fault()
+
+
+@pytest.mark.parametrize("level", [0, 2])
+def test_who_has_lost_a_device_is_not_told_to_start_its_driver(hearing, node, level):
+    gate = Gate(node, hearing, SimpleNamespace(is_offered=lambda _: True), lambda condition, _: condition())
+    gate._pace = gate._has_one_publisher = lambda *_: pytest.fail("it went on")
+    hearing._on_diagnostics(messages.diagnostics(1, "serial_bed", {}, level=level, text="only noise"))
+    lost = "the serial_bed has lost its device: only noise; fix it"
+    with pytest.raises(InputError) as no_reading:
+        gate.find_nodes()
+    with pytest.raises(CampaignEnds) as no_trial:
+        gate.before_trial(None, None)
+    for error, absent in ((no_reading, "bed node has no reading"), (no_trial, "clock is stuck")):
+        assert str(error.value).startswith(lost if level else f"the {absent}")
+        assert ("start the nodes with" in str(error.value)) is not bool(level)
 
 
 def test_legs_that_somebody_else_moves_end_the_trial(hearing):

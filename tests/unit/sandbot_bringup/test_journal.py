@@ -1,11 +1,17 @@
 import resource
 import signal
+from types import SimpleNamespace
 
+import bags
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import KINDS, Journal, read_journal
+from sandbot_bringup.nodes.live_node import _Campaign
+from sandbot_bringup.plan import Plan, trials_of
+from sandbot_bringup.queue import Queue
 from sandbot_common.errors import InputError
 
 
@@ -73,3 +79,35 @@ def test_an_event_nobody_could_read_again_is_not_written(path):
     with pytest.raises(ValueError, match="dance"):
         Journal(path, lambda: 0.0).add("me", "dance")
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("earlier", "damaged", "noted"),
+    [
+        (["start"], False, True),
+        (["start", "failed", "repeat", "start"], False, True),
+        (["start"], True, False),
+        (["start", "done"], False, False),
+        ([], False, False),  # of a batch run
+    ],
+)
+def test_a_trial_that_was_over_when_its_campaign_was_killed_is_noted_at_the_next_start(
+    tmp_path, earlier, damaged, noted
+):
+    plan = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM", replicates=1)
+    (trial,) = trials_of(plan)
+    one, notes = object.__new__(_Campaign), []
+    one._folder, one.queue = CampaignFolder(tmp_path), Queue(plan, [trial.trial_id])
+    one._desk = SimpleNamespace(note=lambda do, **what: notes.append((do, what)))
+    bag = bags.trial_bag(one._folder.bag(trial), plan=bags.PLAN | {"trial_id": trial.trial_id})
+    if damaged:
+        (bag / "metadata.yaml").write_text("not: [a bag")
+        for file in bag.glob("*.mcap"):
+            file.write_bytes(b"")
+    one._note_kept([{"do": do, "trial_id": trial.trial_id} for do in earlier])
+    assert len(notes) == noted
+    if noted:
+        ((do, what),) = notes
+        assert (do, what["trial_id"]) == ("done", trial.trial_id)
+        assert what["measured"] == one.queue.entries[trial.trial_id].measured
+        assert what["measured"]["speed_m_s"] > 0

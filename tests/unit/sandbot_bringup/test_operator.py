@@ -1,6 +1,7 @@
 """What a campaign asks for in which order, and what becomes of a bag it can't read: without a graph."""
 
 import json
+import math
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -69,6 +70,7 @@ def operator(refused="", plan=PLAN):
     one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
     one._bed, one._found = plan.bed_protocol, {}
     one._lease, one._commanding = None, False
+    one._health = SimpleNamespace(held_up_s=0.0, refused="")
     one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
 
@@ -90,6 +92,15 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
 
 
+@pytest.mark.parametrize(("reports", "said"), [(True, "no leg moved"), (False, "whether a leg moved is not known")])
+def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
+    one = operator()
+    one._wait = lambda *_: False
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=reports)
+    with pytest.raises(TrialFailed, match=f"the clock was started but {said}"):
+        one._walk(TRIAL)
+
+
 def test_what_begins_is_told_by_legs_and_bed_themselves():
     """Whoever has not got the answer asks again only for what has not begun."""
     one, begun = operator(), {}
@@ -97,7 +108,12 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     one._orders.call = lambda name, word=None: begun.update({name: word})
     one._wait = lambda *_: False
     one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses, bed_preparation="3", bed_stage="ready", bed_text="", motion_start_ns=None
+        statuses=Hearing.statuses,
+        bed_preparation="3",
+        bed_stage="ready",
+        bed_text="",
+        motion_start_ns=None,
+        reports_legs=True,
     )
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
@@ -134,7 +150,12 @@ def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
     one._lease = SimpleNamespace(publish=lambda message: said.append(message.frame_id), wait_for_all_acked=lambda _: 1)
     one._wait = lambda condition, _: condition()
     one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses, bed_preparation="", bed_stage="failed", bed_text="no height", motion_start_ns=None
+        statuses=Hearing.statuses,
+        bed_preparation="",
+        bed_stage="failed",
+        bed_text="no height",
+        motion_start_ns=None,
+        reports_legs=True,
     )
     one._orders.call = lambda name, *_: asked.update({name: said[-1:]})
     with pytest.raises(TrialFailed):
@@ -154,6 +175,26 @@ def test_who_was_held_up_until_just_now_is_asked_again():
     one._wait = lambda _, seconds: waited.append(seconds)
     one.call("/clock/start")
     assert waited == [AWAKE_S]
+
+
+@pytest.mark.parametrize("held_s", [0.0, 41.0])
+def test_a_campaign_that_was_suspended_commands_nothing_when_it_wakes(held_s):
+    """Another may have taken over: its legs were stopped, and its settings overwritten."""
+    one, sent, renewed = operator(), [], []
+    one._read_settings()
+    one._orders.send, one._spin_until, one._recorder = sent.append, lambda *_: True, object()
+    one._commanding, one._renewed_s, one._allowed = True, -math.inf, "legs"
+    one._lease = SimpleNamespace(publish=renewed.append)
+    one.get_name = lambda: "campaign"
+    one.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1))
+    one._health = SimpleNamespace(held_up_s=held_s, refused="taken over" * bool(held_s))
+    one._hearing.fault = lambda: ""
+    one._recorder = SimpleNamespace(ended=False, frozen=False)
+    one._renew(1.0)
+    assert one._fault() == ("the campaign was held up for 41 s" if held_s else "")
+    one._make_safe()
+    one.restore_settings()
+    assert bool(renewed) is bool(sent) is bool(one._orders.values) is (not held_s)
 
 
 @pytest.mark.ros
@@ -196,7 +237,7 @@ def run(tmp_path, damage):
         damage(bags.trial_bag(aside))
         return type("Recorder", (), {"code": 0})()
 
-    one._set_up, one._run = lambda _: None, record
+    one._set_up, one._run, one._wait = lambda _: None, record, lambda *_: True
     return one.run(TRIAL, folder, []), folder
 
 

@@ -1,19 +1,23 @@
 import dataclasses
+import math
 import os
 import signal
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
 
-from sandbot_common import process
+from sandbot_common import messages, process
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_common.ros import node, ros_health, ros_parameters
+from sandbot_common.standstill import Standstill
 from sandbot_common.stop import stop_signals
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -184,15 +188,78 @@ def test_a_wrong_parameter_is_said_in_the_words_of_every_other_file(given, slip,
     ],
 )
 def test_who_is_older_whatever_another_program_says(values, older):
+    assert health_of("here 1 100", 5)._is_older(values) is older
+
+
+@pytest.mark.parametrize(
+    ("woke_s", "theirs", "older"),
+    [
+        (math.nan, {"process": "here 2 99"}, True),
+        (2.0, {"process": "here 2 150"}, True),  # began while this one stood still
+        (2.0, {"process": "here 2 99", "woke": "250"}, False),  # both stood still: the machine did
+        (2.0, {"process": "here 2 250"}, False),
+        (math.nan, {"process": "here 2 99", "woke": "150"}, False),
+        (math.nan, {"process": "here 2 99", "woke": "odd"}, True),
+    ],
+)
+def test_a_process_that_stood_still_is_as_old_as_its_waking(monkeypatch, woke_s, theirs, older):
+    monkeypatch.setattr(ros_health.os, "sysconf", lambda _: 100)
+    health = health_of("here 1 100", 5)
+    if woke_s > 0:
+        health._awake.woke_s = woke_s
+    assert health._is_older(theirs) is older
+
+
+@pytest.mark.parametrize(("stood_s", "older"), [(1.0, False), (41.0, True)])
+def test_on_another_host_it_is_so_too(monkeypatch, stood_s, older):
+    now_s = [100.0]
+    monkeypatch.setattr(ros_health, "_since_boot_s", lambda: now_s[0])
+    health = health_of("here 1 100", 5)
+    health._turn()
+    assert not health.held_up_s
+    now_s[0] += stood_s
+    assert health.held_up_s == stood_s * older
+    assert health._is_older({"process": "there 2 3", "since_ns": "7"}) is older
+    now_s[0] += 2.0
+    health._turn()
+    assert health.held_up_s == stood_s * older
+    for _ in range(4):
+        now_s[0] += 1.0
+        health._turn()
+    assert not health.held_up_s
+
+
+@pytest.mark.parametrize(
+    ("held_s", "lives", "said"),
+    [
+        (0.0, True, "another campaign is running already; one commander at a time, end it first"),
+        (41.0, True, "held up for 41 s, and another campaign has taken over meanwhile; one commander at a time, "),
+        (41.0, False, ""),  # what it said while this one was frozen is read after its end
+    ],
+)
+def test_a_campaign_is_told_why_it_yields_and_to_the_living_only(held_s, lives, said):
+    health = health_of(process.own_name(), time.time_ns())
+    health._awake.held_s, namesake = held_s, SimpleNamespace(node_name="campaign")
+    health._node = SimpleNamespace(
+        get_name=lambda: "campaign", get_publishers_info_by_topic=lambda _: [namesake, namesake]
+    )
+    host = process.own_name().split()[0]
+    parent = f"{host} {os.getppid()} {process._stat(os.getppid())[19]}"
+    theirs = parent if lives else f"{host} {os.getppid()} 1"
+    health._check_for_older(messages.diagnostics(1, "campaign", {"process": theirs}))
+    assert health.refused.startswith(said) if said else not health.refused
+
+
+def health_of(process, since_ns):
+    """What a node says of its age, without a graph."""
     health = ros_health.Health.__new__(ros_health.Health)
-    health._process, health._since_ns = "here 1 100", 5
-    assert health._is_older(values) is older
+    health._process, health._since_ns, health._awake, health.refused = process, since_ns, Standstill(), ""
+    return health
 
 
 @pytest.mark.parametrize(("earlier_ns", "older"), [(0, False), (1000, True)])
 def test_no_node_is_older_than_itself(earlier_ns, older):
-    health = ros_health.Health.__new__(ros_health.Health)
-    health._process, health._since_ns = "", 1795999802423893281
+    health = health_of("", 1795999802423893281)
     assert health._is_older({"since_ns": str(health._since_ns - earlier_ns)}) is older
 
 

@@ -31,3 +31,12 @@ def test_who_asks_again_is_obeyed():
     for second in range(1, 6):
         loop.turn(THAWED_S + second)
     assert loop.refusal(THAWED_S + AWAKE_S + 0.1) == ""
+
+
+def test_it_says_how_long_it_stood_still():
+    loop = turning()
+    assert not loop.turn(100.1)
+    assert loop.held_s == 0.0
+    assert loop.turn(141.1)
+    assert (loop.held_s, loop.woke_s) == (41.0, 141.1)
+    assert not loop.turn(141.2)

@@ -93,6 +93,13 @@ def test_damage_is_counted_once_until_the_next_message():
     assert reader.damaged == 2
 
 
+def test_frames_whose_bytes_are_all_damaged_are_counted_one_by_one():
+    reader, frame = Reader(), bytearray(lines.encode_block("C", 1, b"x" * 100))
+    frame[-1] ^= 1
+    assert not list(reader.feed(bytes(frame) * 5 + b"\n"))
+    assert reader.damaged == 5
+
+
 def test_what_is_taken_for_a_message_has_its_checksum():
     """Negative control: an end of a line that only looks like a message."""
     assert lines.decode(b"\xff\xd8A 5B 0.50000 *69") == Line("B", (0.5,))

@@ -192,3 +192,34 @@ def test_what_came_before_the_cable_was_out_swallows_nothing(tmp_path, monkeypat
     one.close()
     for file in second:
         os.close(file)
+
+
+@pytest.mark.parametrize(
+    ("comes", "steady", "lack"),
+    [
+        (b"\x80\xfe\n" * 20, False, "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
+        (b"\xff" * 2000, True, "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
+        (b"", True, "no message for 0.05 s: is the device on?"),
+        (b"", False, ""),
+        (LINE, True, ""),
+        (b"noise\n" + LINE + b"noise\n", False, ""),
+        (lines.encode_block("C", 1, b"x" * 9000)[:-8000], False, ""),  # a frame that takes its time
+    ],
+)
+def test_a_line_without_a_message_is_an_error_until_one_comes(device, monkeypatch, comes, steady, lack):
+    limit_s = 0.05 if lack else 1.0 if steady else 0.2
+    monkeypatch.setattr(port, "LACK_S", limit_s)
+    logged = []
+    one = Port(device[1], 921600, lambda line, _: None, logged.append, steady=steady)
+    until(lambda: one.opened)
+    begun_s = time.monotonic()
+    while time.monotonic() < begun_s + (20.0 if lack else 1.5 * limit_s) and not one.lack:
+        os.write(device[0], comes)
+        comes = b"x" if comes[:1] == b"C" else comes
+        time.sleep(0.01)
+    said = f"{device[1]}: {lack}"
+    assert one.health == ((2, said) if lack else (0, "ok"))
+    os.write(device[0], b"\n" * bool(comes) + LINE)
+    until(lambda: not one.lack)
+    assert logged[:2] == ([said, f"{device[1]}: messages again"] if lack else [])
+    one.close()

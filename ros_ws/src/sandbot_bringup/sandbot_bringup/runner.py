@@ -33,7 +33,10 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     finished: list[str] = []
     failed: list[tuple[str, str]] = []
     cut_short = False
-    with crew.executor() as executor, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
+    with (
+        crew.executor() as executor,
+        tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5, delay=0.5) as bar,
+    ):
         waiting = list(reversed(trials))
         running: dict[Future[Path], PlannedTrial] = {}
         try:

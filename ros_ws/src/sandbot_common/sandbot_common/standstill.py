@@ -18,17 +18,20 @@ class Standstill:
     The client of an old request has timed out or is gone; if it is still there, it asks again.
     """
 
+    woke_s: float = -math.inf
+    held_s: float = 0.0
+    """When it last resumed, and how long it had stood still."""
     _turned_s: float = math.inf
-    _woke_s: float = -math.inf
 
-    def turn(self, now_s: float) -> None:
-        """The loop turns."""
-        if now_s - self._turned_s > LIMIT_S:
-            self._woke_s = now_s
-        self._turned_s = now_s
+    def turn(self, now_s: float) -> bool:
+        """The loop turns; returns whether it had stood still."""
+        stood_s, self._turned_s = now_s - self._turned_s, now_s
+        if woke := stood_s > LIMIT_S:
+            self.woke_s, self.held_s = now_s, stood_s
+        return woke
 
     def refusal(self, now_s: float) -> str:
         """Why nothing may begin; an empty string unless the loop stood still just before."""
         # After a standstill the request may be handled before the timer that calls ``turn``.
         self.turn(now_s)
-        return OLD if now_s - self._woke_s <= AWAKE_S else ""
+        return OLD if now_s - self.woke_s <= AWAKE_S else ""

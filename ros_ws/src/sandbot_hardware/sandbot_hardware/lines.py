@@ -61,11 +61,14 @@ def decode(raw: bytes) -> Line | None:
 
 
 class Reader:
-    """Parses incoming bytes into messages; ``damaged`` counts how often there was something else between them."""
+    """Parses incoming bytes into messages; ``damaged`` counts how often there was something else between them.
+
+    ``in_step``: whether the last thing that was read is a valid line.
+    """
 
     def __init__(self, damaged: int = 0) -> None:
         self.damaged = damaged
-        self._in_step = True
+        self.in_step = True
         self._rest = bytearray()
         self._awaited: Line | None = None
 
@@ -73,7 +76,7 @@ class Reader:
         """The messages that are now complete."""
         self._rest += data
         while (line := self._next()) is not None:
-            self._in_step = True
+            self.in_step = True
             yield line
 
     def _next(self) -> Line | None:
@@ -104,13 +107,13 @@ class Reader:
             if read.kind != "C":
                 return read
             if len(read.values) == 3 and 0 <= read.values[1] <= _LONGEST_BLOCK:
-                self._awaited = read
+                self._awaited, self.in_step = read, True
             else:
                 self._lose_step()
 
     def _lose_step(self) -> None:
-        self.damaged += self._in_step
-        self._in_step = False
+        self.damaged += self.in_step
+        self.in_step = False
 
 
 def split(values: Sequence[float], legs: int) -> list[list[float]]:

@@ -1,6 +1,7 @@
 """A serial line that is read in its own thread, and reopened when its cable is back."""
 
 import errno
+import math
 import os
 import select
 import termios
@@ -15,24 +16,36 @@ from sandbot_common.errors import InputError
 from sandbot_hardware.lines import Line, Reader
 
 RETRY_S = 0.5
+LACK_S = 1.0
+"""A line without a valid message for this long is an error, if bytes come, or if its device reports all the time."""
 _WAIT_S = 0.1
 """The longest that a read or write waits: a device that accepts nothing must not hold up its driver."""
 
 
 class Port:
     """``heard(line, received_ns)`` is called for every message, in the port's thread, with its arrival on the monotonic
-    clock; ``log`` with a text at each change of ``trouble``.
+    clock; ``log`` with a text at each change of ``trouble`` or ``lack``. ``steady``: whether the device reports all the
+    time, so that silence, too, is an error.
     """
 
     def __init__(
-        self, path: str, baud: int, heard: Callable[[Line, int], None], log: Callable[[str], object] = lambda _: None
+        self,
+        path: str,
+        baud: int,
+        heard: Callable[[Line, int], None],
+        log: Callable[[str], object] = lambda _: None,
+        *,
+        steady: bool = False,
     ) -> None:
         self._path, self._baud, self._heard, self._log = path, baud, heard, log
-        self._logged = ""
+        self._logged, self._steady = "", steady
         self._reader = Reader()
         self._device: serial.Serial | None = None
         self.trouble = f"{path}: not opened yet"
         """Why the line can't be used now; empty while it is open."""
+        self.lack = ""
+        """Why the device is not heard although the line is open; empty while it is."""
+        self._lacking_since_s = math.inf
         self.opened = 0
         self._lock, self._closing = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=path, daemon=True)
@@ -45,8 +58,9 @@ class Port:
 
     @property
     def health(self) -> tuple[int, str]:
-        """Level and text for /diagnostics: a driver without its device is an error."""
-        return (2, self.trouble) if self.trouble else (0, "ok")
+        """Level and text for /diagnostics: a driver that has lost its device, or does not hear it, is an error."""
+        why = self.trouble or self.lack
+        return (2, why) if why else (0, "ok")
 
     def write(self, data: bytes) -> bool:
         """Send, and return whether it was sent; while the cable is out, nothing is kept for later."""
@@ -90,8 +104,23 @@ class Port:
                     self._lose(error)
                 continue
             received_ns = time.monotonic_ns()
-            for line in self._reader.feed(data):
+            found = list(self._reader.feed(data))
+            for line in found:
                 self._hear(line, received_ns)
+            self._judge(bool(data), bool(found), received_ns * 1e-9)
+
+    def _judge(self, came: bool, valid: bool, now_s: float) -> None:
+        """Judge what was just read, in this thread: what a busy machine reads late has come all the same."""
+        heard = valid or self._reader.in_step if came else not self._steady
+        self._lacking_since_s = math.inf if heard else min(self._lacking_since_s, now_s)
+        lack = ""
+        if now_s - self._lacking_since_s >= LACK_S:
+            silent = f"no message for {LACK_S:g} s: is the device on?"
+            noise = f"only noise for {LACK_S:g} s: wrong baud rate, or a bad cable?"
+            lack = f"{self._path}: {silent if self._reader.in_step else noise}"
+        if lack != self.lack:
+            self.lack = lack
+            self._log(lack or f"{self._path}: messages again")
 
     def _hear(self, line: Line, received_ns: int) -> None:
         try:
@@ -110,6 +139,7 @@ class Port:
         with self._lock:
             self._device = device
             self._reader = Reader(self.damaged)  # what came before the cable was out is not continued
+            self.lack, self._lacking_since_s = "", math.inf
             self.opened += 1
             self._set_trouble("")
         return device

@@ -22,7 +22,7 @@ def test_all_is_all_of_its_own_namespace(space, names):
     assert looked_at == names
 
 
-@pytest.mark.parametrize(("fresh", "kept"), [(True, [103, 98]), (False, [97, 97, 103, 97, 98])])
+@pytest.mark.parametrize(("fresh", "kept"), [(True, [103, 98]), (False, [97, 97, 103, 97, 98, 54])])
 def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(fresh, kept):
     one, put = object.__new__(Recorder), []
     one._start_ns, one._trial, one._fresh_from_ns = 100, b"", sys.maxsize if fresh else 0
@@ -34,6 +34,7 @@ def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(f
         (topics.TRIAL, 103, 105),
         (topics.BED_PHI, 97, 106),
         (topics.BED_PHI, 98, 10**10),
+        (topics.TRIAL, 54, 10**11),  # of a campaign that was suspended meanwhile
     ):
         source = SimpleNamespace(name=topic.name, transient=True, publishers=0)
         info = {"received_timestamp": received_ns, "source_timestamp": published_ns, "publication_sequence_number": 1}

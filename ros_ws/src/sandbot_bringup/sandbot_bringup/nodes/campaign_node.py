@@ -167,6 +167,8 @@ class Operator(Node):
         """
         # Recorded under .partial and moved when complete and judged: a bag in trials/ is always a whole trial.
         partial = folder.partial_bag(trial.trial_id)
+        # After a standstill another campaign may have begun, and is heard within this time.
+        self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
         self._gate.before_trial(self._bed, folder)
         self._running = trial.trial_id
@@ -222,7 +224,9 @@ class Operator(Node):
         self._found = {"bed": bed | target, "clock": self._orders.get("clock", ["max_run_s"])}
 
     def restore_settings(self) -> None:
-        """Restore the parameters that bed and clock had before the first trial."""
+        """Restore the parameters that bed and clock had before the first trial, unless another campaign has them."""
+        if self._health.refused:
+            return
         answers = [self._orders.send_values(name, values) for name, values in self._found.items()]
         self._spin_until(lambda: all(answer.done() for answer in answers), LEAVE_S)
 
@@ -286,7 +290,8 @@ class Operator(Node):
         with self._allowing(LEGS):
             self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
-            raise TrialFailed("the clock was started but no leg moved (/leg_states)")
+            moved = "no leg moved" if legs.reports_legs else "whether a leg moved is not known: nothing is heard"
+            raise TrialFailed(f"the clock was started but {moved} ({topics.LEG_STATES.name})")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
         legs.watch_walking()
 
@@ -349,6 +354,8 @@ class Operator(Node):
     def _make_safe(self) -> None:
         """Ask clock and bed to stop; if they don't hear it, the lease that is no longer renewed stops them."""
         self._commanding = False
+        if self._health.held_up_s:
+            return  # its leases have run out: what moves or blows by now is another's
         for name in ("/clock/stop", "/bed/abort"):
             self._orders.send(name)
         self._spin_until(lambda: False, 0.1)
@@ -387,6 +394,8 @@ class Operator(Node):
         """Why the trial under way is spoilt; an empty string if it is not, or if there is none."""
         if self._recorder is None:
             return ""
+        if held_s := self._health.held_up_s:
+            return f"the campaign was held up for {held_s:.2g} s"
         level, text, values = self._hearing.statuses.get(RECORDER, NodeStatus())
         if level > 1:
             # E.g. a full disk: nothing more is recorded, so the legs stop.
@@ -413,7 +422,9 @@ class Operator(Node):
 
     def _renew(self, now_s: float) -> None:
         # From this loop, not from a thread: a stuck campaign must not command.
-        if self._commanding and self._lease is not None and now_s - self._renewed_s >= RENEW_S:
+        if not self._commanding or self._lease is None or self._health.held_up_s:
+            return
+        if now_s - self._renewed_s >= RENEW_S:
             self._renewed_s = now_s
             says = f"{self.get_name()} {self._allowed}"
             self._lease.publish(messages.header(self.get_clock().now().nanoseconds, says))

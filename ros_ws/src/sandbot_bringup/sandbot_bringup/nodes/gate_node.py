@@ -48,7 +48,7 @@ class Gate:
                 raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
         # The service is not enough: a preparation fails at once before the bed has received a height reading.
         if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
-            raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
+            raise InputError(self._with_remedy(f"bed node has no reading on {topics.BED_HEIGHT.name}"))
         # The node that reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried
         # back. A publisher may be discovered before its node's name: guessing then could leave the seed unset.
         if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
@@ -64,8 +64,8 @@ class Gate:
         """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
         self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)])
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
-            missing = self._hearing.missing()[0]
-            raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
+            missing = self._with_remedy(self._hearing.missing()[0])
+            raise CampaignEnds(f"{missing}, then start the campaign again to go on")
         # A failed trial may have left the legs moving, and the air comes next.
         if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
             where = topics.LEG_STATES.name
@@ -82,6 +82,11 @@ class Gate:
             free = shutil.disk_usage(folder.path).free
         if free < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+
+    def _with_remedy(self, missing: str) -> str:
+        """What to do about it; a driver that has lost its device explains it, and is running already."""
+        unplugged = self._hearing.unplugged()
+        return f"the {unplugged[0]}; fix it" if unplugged else f"the {missing}; {_START_THEM}"
 
     def _pace(self, bed: ProtocolParameters) -> None:
         """Check that the sensors run at their rates. Raises CampaignEnds naming one that does not."""

@@ -132,9 +132,14 @@ class Hearing:
         self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
 
     @property
+    def reports_legs(self) -> bool:
+        """Whether the robot currently reports its legs; one at rest may be silent."""
+        return self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+
+    @property
     def reports_motion(self) -> bool:
         """Whether the robot currently reports that its legs move; false if it has died in the middle of a walk."""
-        return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+        return self.moving and self.reports_legs
 
     def stop_watching(self) -> None:
         """Nothing is under way: anybody may fall silent."""
@@ -151,7 +156,7 @@ class Hearing:
     def missing(self) -> list[str]:
         """Phrases that name each vital node that is absent, or has lost its device."""
         gone = [f"{sign.who} {fault}" for sign in self._vital if (fault := self._neighbours.faults.get(sign.who))]
-        return gone + [sign.missing for sign in self._vital if self._age_s(sign) > sign.limit_s] + self._unplugged()
+        return gone + [sign.missing for sign in self._vital if self._age_s(sign) > sign.limit_s] + self.unplugged()
 
     def fault(self) -> str:
         """A phrase that names a watched vital node that fails; an empty string if there is none."""
@@ -161,7 +166,7 @@ class Hearing:
                 return f"the {sign.who} {text}"
             if sign.who != RECORDER and (fault := self._neighbours.faults.get(sign.who)):
                 return f"the {sign.who} {fault}"
-        if unplugged := self._unplugged():
+        if unplugged := self.unplugged():
             return f"the {unplugged[0]}"
         if rivals := self.rivals.fault():
             return rivals
@@ -189,7 +194,7 @@ class Hearing:
     def _age_s(self, sign: Sign) -> float:
         return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
 
-    def _unplugged(self) -> list[str]:
+    def unplugged(self) -> list[str]:
         """Phrases that name the drivers that have lost their device."""
         drivers = ((who, self.statuses[who]) for who in DRIVERS if who in self.statuses)
         return [f"{who} has lost its device: {status.text}" for who, status in drivers if status.level > 1]

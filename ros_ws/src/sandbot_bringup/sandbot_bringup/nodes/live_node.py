@@ -5,6 +5,7 @@ import multiprocessing
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +15,23 @@ from tqdm import tqdm
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.journal import Journal
+from sandbot_bringup.journal import Event, Journal
 from sandbot_bringup.nodes.campaign_node import PRIORITY, Operator, keep_complete
 from sandbot_bringup.nodes.desk_node import Desk
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_block
-from sandbot_bringup.queue import Queue
+from sandbot_bringup.queue import Queue, State
 from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decide, looks_of
 from sandbot_common.dead_ports import fresh_participant_number
+from sandbot_common.errors import InputError
 from sandbot_common.process import real_time
 from sandbot_common.ros.node import start_ros, use_shared_memory
 from sandbot_common.ros.timer import end_timers
 from sandbot_common.shared_memory import note_shortage
 from sandbot_common.stop import stop_signals
 from sandbot_common.workers import pool
+from sandbot_record.trials.from_bags import row_from_bag
 from sandbot_record.trials.table import Row
 
 HELD = "held: {}; to go on: ros2 service call /campaign/go std_srvs/srv/Trigger, or the console"
@@ -98,13 +101,24 @@ class _Campaign:
         )
         self._desk.look = _shown(looks_of(folder))
         self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
+        self._note_kept(journal.earlier)
         if operator.hold.why:  # held before there was a journal
             self._desk.note("hold", who="operator", reason=operator.hold.why)
+
+    def _note_kept(self, earlier: Sequence[Event]) -> None:
+        """Write the events of trials that were over when a campaign was killed, before it could write them itself."""
+        last = {str(event.get("trial_id")): event["do"] for event in earlier}
+        for name, entry in self.queue.entries.items():
+            if entry.state is State.DONE and last.get(name) == "start":
+                with suppress(InputError, OSError):  # damaged since: it has no figures
+                    measured = _measured(row_from_bag(self._folder.bag(entry.trial)))
+                    self.queue.finish(name, math.nan, measured)
+                    self._desk.note("done", trial_id=name, measured=measured)
 
     def run_all(self) -> None:
         """Run until nothing waits. However it ends, the journal records it."""
         reason = "interrupted"
-        bar: Any = tqdm(unit="trial", desc="campaign")
+        bar: Any = tqdm(unit="trial", desc="campaign", delay=1.0)
         try:
             with bar:
                 while self._run_next(bar) or self._look(bar):

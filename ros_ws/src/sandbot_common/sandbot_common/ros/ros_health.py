@@ -1,6 +1,7 @@
 """A node's sign of life and key figures on /diagnostics, and one node of a name at a time."""
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 
@@ -9,22 +10,26 @@ from rclpy.node import Node
 
 from sandbot_common import messages, topics
 from sandbot_common.health import PROCESS, ending
-from sandbot_common.process import own_name
+from sandbot_common.process import Neighbour, own_name
 from sandbot_common.ros.endpoints import publisher, subscription
 from sandbot_common.ros.timer import Timer
+from sandbot_common.standstill import Standstill
 from sandbot_common.typed import number_or_nan
 
 SETTLE_S = 0.5
 """This long after its first turn a node has heard any older one of its name: health is sent five times a second."""
-_SINCE = "since_ns"
+_SINCE, _WOKE = "since_ns", "woke"
+_BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Counts while the machine is suspended, too."""
 
 
 class Health:
     """Publishes a node's key figures on /diagnostics five times a second, which is also its sign of life.
 
     ``sole``: of several nodes of its name only the oldest stays (``refused`` tells the younger ones why they must end,
-    and ``run`` ends them): a second clock or bed would command the same legs and the same air. Create it before the
-    node's other publishers: one that publishes without it is not ours (``Rivals``).
+    and ``run`` ends them): a second clock or bed would command the same legs and the same air. A process that stood
+    still is as old as its waking: another may have taken over, as it was dead to everybody. Create it before the node's
+    other publishers: one that publishes without it is not ours (``Rivals``).
     """
 
     def __init__(
@@ -36,9 +41,9 @@ class Health:
         self.ended = ""
         """Why the node ends: reported in its last message instead of its level and text."""
         self._since_ns, self._process = time.time_ns(), own_name()
-        self._turned_s = math.inf
+        self._turned_s, self._awake = math.inf, Standstill()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
-        Timer(node, period_s, self.publish)
+        Timer(node, period_s, self.publish, self._turn)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._check_for_older)
@@ -47,6 +52,12 @@ class Health:
     def settled(self) -> bool:
         """Whether it had time to find an older node of its name, and found none; a ``sole`` node is silent before."""
         return not self.refused and time.monotonic() - self._turned_s >= SETTLE_S
+
+    @property
+    def held_up_s(self) -> float:
+        """How long the process stood still until just now [s]; 0 if it did not."""
+        self._turn()
+        return self._awake.held_s if self._awake.refusal(_since_boot_s()) else 0.0
 
     def publish(self) -> None:
         """Publish now."""
@@ -58,29 +69,59 @@ class Health:
         self.ended = why
         self._publish({})
 
+    def _turn(self) -> None:
+        if self._awake.turn(_since_boot_s()):
+            self._since_ns = time.time_ns()
+
+    @property
+    def _woke(self) -> float:
+        """When the process resumed, in clock ticks since boot, as its start; minus infinity if it never did."""
+        return self._awake.woke_s * os.sysconf("SC_CLK_TCK")
+
     def _publish(self, figures: Mapping[str, object]) -> None:
+        self._turn()
         # Read after the figures are computed, as some nodes then set level and text.
         level, text = (2, ending(self.ended)) if self.ended else (self.level, self.text)
         values = {**figures, _SINCE: self._since_ns, PROCESS: self._process}
+        if math.isfinite(self._woke):
+            values[_WOKE] = round(self._woke)
         now_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(messages.diagnostics(now_ns, self._node.get_name(), values, level=level, text=text))
 
     def _check_for_older(self, message: DiagnosticArray) -> None:
+        self._turn()
+        name = self._node.get_name()
         for status in message.status:
             values = messages.values_of(status)
-            if status.name == self._node.get_name() and self._is_older(values) and self._has_namesake():
-                self.refused = f"another {status.name} is running already; one commander at a time, end it first"
+            if status.name == name and self._is_older(values) and self._has_namesake(values.get(PROCESS, "")):
+                taken = f"held up for {self._awake.held_s:.2g} s, and another {name} has taken over meanwhile"
+                there = taken if self._awake.held_s else f"another {name} is running already"
+                self.refused = f"{there}; one commander at a time, end it first"
 
-    def _has_namesake(self) -> bool:
-        """Whether another node of this name publishes; otherwise the message is from a bag that ``replay`` plays."""
+    def _has_namesake(self, process: str) -> bool:
+        """Whether another node of this name publishes; otherwise the message is from a bag that ``replay`` plays.
+
+        One whose ``process`` is gone from this host is not counted, though DDS may still know it.
+        """
+        if self._on_same_host(process) and Neighbour.of(process) is None:
+            return False
         found = self._node.get_publishers_info_by_topic(topics.DIAGNOSTICS.relative)
         return sum(endpoint.node_name == self._node.get_name() for endpoint in found) > 1
 
+    def _on_same_host(self, process: str) -> bool:
+        """Processes are named by host, PID and start (``own_name``)."""
+        ours, theirs = self._process.split(), process.split()
+        return len(ours) == len(theirs) == 3 and ours[0] == theirs[0]
+
     def _is_older(self, values: Mapping[str, str]) -> bool:
-        """Whether the sender is older than this node. Processes are named by host, PID and start (``own_name``)."""
-        ours, theirs = self._process.split(), values.get(PROCESS, "").split()
-        if len(ours) == len(theirs) == 3 and ours[0] == theirs[0] and ours[2] != theirs[2]:
+        """Whether the sender is older than this node."""
+        process = values.get(PROCESS, "")
+        if self._on_same_host(process) and (theirs := process.split()[2]) != (ours := self._process.split()[2]):
             # Same host: start times count from its boot, so setting the system clock does not change them.
-            return number_or_nan(theirs[2]) < int(ours[2])
+            return max(number_or_nan(theirs), number_or_nan(values.get(_WOKE))) < max(int(ours), self._woke)
         # Both as floats, to whose precision a node is not older than itself.
         return number_or_nan(values.get(_SINCE)) < float(self._since_ns)
+
+
+def _since_boot_s() -> float:
+    return time.clock_gettime(_BOOT)

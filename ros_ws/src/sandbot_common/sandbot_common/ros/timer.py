@@ -19,7 +19,11 @@ class Timer:
     its timers by the system clock (decision 16). So a Python thread waits.
     """
 
-    def __init__(self, node: Node, period_s: float, callback: Callable[[], None]) -> None:
+    def __init__(
+        self, node: Node, period_s: float, callback: Callable[[], object], alive: Callable[[], object] = lambda: None
+    ) -> None:
+        """``alive`` is called from the thread as often, however busy the loop is; a frozen process calls neither."""
+        self._alive = alive
         self._node, self._period_s, self._callback = node, period_s, callback
         self._due, self._ending = False, threading.Event()
         self._thread = threading.Thread(target=self._run, name="timer", daemon=True)
@@ -38,6 +42,7 @@ class Timer:
     def _run(self) -> None:
         due_s = time.monotonic() + self._period_s
         while self._node.context.ok() and not self._ending.wait(max(due_s - time.monotonic(), 0.0)):
+            self._alive()
             # A call still pending in a busy loop is not queued again, and missed calls are not made up for.
             if not self._due and (executor := self._node.executor) is not None:
                 self._due = True
@@ -56,7 +61,7 @@ def call_soon(node: Node, callback: Callable[[], None]) -> None:
         executor.create_task(_called, node, callback)
 
 
-def _called(node: Node, callback: Callable[[], None]) -> bool:
+def _called(node: Node, callback: Callable[[], object]) -> bool:
     """Call back; False if that raises."""
     try:
         callback()

@@ -210,11 +210,14 @@ class Recorder(Node):
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
         # Stamps are of the publisher's clock, and ours may be set meanwhile: they are compared only until soon after
-        # this trial's /trial, which comes from this host and only once we record.
-        if source.transient and published < self._start_ns and received < self._fresh_from_ns:
+        # this trial's /trial, which comes from this host and only once we record. An older /trial, whenever it
+        # comes, is that of a campaign that was suspended and has just been resumed.
+        is_trial = source.name == topics.TRIAL.name
+        fresh = received < self._fresh_from_ns or (is_trial and self._fresh_from_ns > 0)
+        if source.transient and published < self._start_ns and fresh:
             return  # a latched message of an earlier trial
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
-        if source.name == topics.TRIAL.name:
+        if is_trial:
             self._trial, self._fresh_from_ns = data, min(self._fresh_from_ns, received + _HISTORY_NS)
         # The graph may report a second publisher only after its first message; the matched count is up to date.
         sole = source.publishers == 1 and source.handle.get_publisher_count() == 1
