@@ -17,8 +17,9 @@
     const drawn = Object.entries(figures).map(([name, themes]) => {
       const perStep = themes[theme];
       const figure = perStep[Math.min(step, perStep.length - 1)];
-      const { height } = figure.layout;
-      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH, height: PRINT_HEIGHT * height } : figure.layout;
+      // A copy: Plotly writes into the layout that it is given, and a resize deletes the height from it.
+      const layout = { ...figure.layout };
+      if (printing) Object.assign(layout, { width: PAPER_WIDTH, height: PRINT_HEIGHT * layout.height });
       return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
@@ -49,10 +50,13 @@
   function print(now) {
     printing = now;
     for (const folded of cells) folded.open = now; // print the data tables unfolded
-    draw();
+    return draw();
   }
 
   window.addEventListener("beforeprint", () => print(true));
-  window.addEventListener("afterprint", () => print(false));
+  window.addEventListener("afterprint", async () => {
+    await print(false);
+    document.querySelectorAll(".plot").forEach((plot) => Plotly.Plots.resize(plot)); // from the width of the paper
+  });
   draw();
 })();
