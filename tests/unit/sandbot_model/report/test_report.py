@@ -19,7 +19,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.discovery.verdict import Verdict, claim_threshold
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
@@ -31,6 +31,7 @@ from sandbot_model.report.curves import steps
 from sandbot_model.report.data_section import cells_csv, data, json_download
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
+from sandbot_model.report.supplement import methods
 from sandbot_model.report.table_sections import _added, _formulas, failing
 from sandbot_model.report.view import Provenance, Step
 from sandbot_record.trials.table import Row, from_rows
@@ -295,10 +296,22 @@ def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits,
     assert "An effect is claimed" not in page
 
 
-def test_what_a_claim_took_is_said_as_it_was(page):
+def test_what_a_claim_took_is_said_as_it_was(page, fits):
+    """The threshold that the verdict goes by: of few replicates more than the criterion."""
     said = table(page, "How they were analysed")
-    assert "lowers the deviance by at least 30.5" in said
+    needed = claim_threshold(fits[-1], Criteria(claim=30.5))
+    assert needed > 31
+    assert f"lowers the deviance by at least {needed:.0f}" in said
+    assert "30.5 would do if the pure error were known exactly" in said
     assert "of its size is higher by at least 7.5" in said
+
+
+def test_of_an_overdispersed_fit_a_claim_takes_more_and_its_factors_are_said(fits):
+    scattered = replace(fits[-1], goodness=replace(fits[-1].goodness, chi2=3.0 * fits[-1].goodness.dof))
+    calm = replace(fits[-1], goodness=replace(fits[-1].goodness, chi2=0.5 * fits[-1].goodness.dof))
+    said, plain_said = (" ".join(methods(steps([one]), Criteria()).text) for one in (scattered, calm))
+    assert f"by at least {claim_threshold(scattered):.0f} = {claim_threshold(calm):.3g} × 3, the χ² per degree" in said
+    assert f"by at least {claim_threshold(calm):.0f}, where 22 would do" in plain_said
 
 
 def test_next_trials_and_frames_are_shown(page):

@@ -20,6 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
@@ -107,13 +108,17 @@ def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], 
 def claim_threshold(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     """Gain in deviance that an effect must bring in these data; more than ``criteria.claim`` if replicates are few.
 
-    The tail probability of χ² is converted to F on the degrees of freedom of pure error, and multiplied by the
-    overdispersion about the larger set (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
+    ``claim_on_replicates``, multiplied by the overdispersion about the larger set (quasi-likelihood; Burnham & Anderson
+    2002, ch. 2).
     """
-    freedom = int(fit.cells.pure_error_dof.sum())
-    tail = chi2_sf(criteria.claim, 1)
-    threshold = f_isf(tail, 1, freedom) if freedom else np.inf
-    return threshold * overdispersion(fit)
+    return claim_on_replicates(fit.cells, criteria) * overdispersion(fit)
+
+
+def claim_on_replicates(cells: Cells, criteria: Criteria = DEFAULT) -> float:
+    """``criteria.claim`` of a pure error known from so many replicates: the tail probability of χ² is converted to F on
+    its degrees of freedom; inf without any."""
+    freedom = int(cells.pure_error_dof.sum())
+    return f_isf(chi2_sf(criteria.claim, 1), 1, freedom) if freedom else math.inf
 
 
 def selection_penalty(count: int) -> float:
