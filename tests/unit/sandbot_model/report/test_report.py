@@ -34,6 +34,7 @@ from sandbot_model.report.provenance import limits, provenance
 from sandbot_model.report.supplement import methods
 from sandbot_model.report.table_sections import _added, _formulas, failing
 from sandbot_model.report.view import Provenance, Step
+from sandbot_model.tools.tables import fails, ladder
 from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -280,6 +281,8 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
     levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
     assert failing(shown)[0].tables[0].rows[0][1] == levels[1] == "0.600"
+    (_, _, line) = fails(fit, 1).splitlines()
+    assert line.split()[1] == "0.600"
     (all_cells,) = data(shown, Provenance(used=1), []).tables
     assert [row[0] for row in all_cells.rows] == levels
 
@@ -287,6 +290,24 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
 def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.004, 2) == text.centi(-4e-5) == "0.00"
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
+
+
+def test_a_small_error_has_the_digits_that_tell_it_from_the_floor_as_in_the_terminal(page, fits):
+    """Two digits of a lift in cm would not."""
+    (_, *terminal) = ladder(fits).splitlines()[-2:]
+    floor = terminal[0].split()[3]
+    assert re.fullmatch(r"0\.0\d\d+", floor)
+    assert f" {floor} " in table(page, "Error as effects are added")
+
+
+def test_a_residual_has_the_digits_of_its_standard_error(discovery):
+    step = steps(discovery.steps)[0]
+    missed = Fail("lift", 0.6, 10.0, -0.000521, -5.0, 1)
+    kept = {name: getattr(step.fit, name) for name in ("cells", "effects", "model")}
+    fit = SimpleNamespace(fails=(missed,), lack_of_fit_p=0.5, **kept)
+    (row,) = failing((Step(fit, step.omega_rad_s, step.speed_m_s),))[0].tables[0].rows
+    assert row[3] == "−0.052 cm"
+    assert "-0.052 cm" in fails(fit, 1)
 
 
 def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):

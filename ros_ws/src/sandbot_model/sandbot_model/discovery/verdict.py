@@ -272,7 +272,7 @@ def _where_it_fails(fit: Fit) -> str:
     if fit.fails:
         worst = fit.fails[0]
         where = (
-            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
+            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at φ {_phi(fit, worst.cell)}, "
             f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
     if tests := [test for test in stage_tests(fit) if test.missed]:
@@ -300,11 +300,16 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
         return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
     where = (
-        f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"
+        f"φ {_phi(fit, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s"
         if cell < len(fit.cells.phi)
         else "one level"
     )
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
+
+
+def _phi(fit: Fit, cell: int) -> str:
+    """The φ of a cell's level, by which tables and figures name the cell."""
+    return f"{fit.cells.level_phi[fit.cells.level[cell]]:.3f}"
 
 
 def _told_apart(first: float, second: float) -> tuple[str, str]:

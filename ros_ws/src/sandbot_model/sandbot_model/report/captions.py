@@ -88,7 +88,7 @@ def residuals(step: Step, observable: str) -> str:
     verb = "fails" if failing.sum() == 1 else "fail"
     return (
         f"{prefix}{int(failing.sum())} of {text.counted(len(cells), 'cell')} {verb}. Worst: "
-        f"{condition_label(cells, worst)}, {text.number(CM * abs(fail.residual), 2)} "
+        f"{condition_label(cells, worst)}, {text.to_error(CM * abs(fail.residual), CM * fail.stderr)} "
         f"{Observable[observable].readers_unit} {more} than modelled, {text.number(abs(z[worst]))} standard errors."
     )
 

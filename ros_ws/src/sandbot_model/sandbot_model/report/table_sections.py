@@ -197,7 +197,8 @@ def failing(steps: tuple[Step, ...]) -> list[Section]:
         rows = [
             (
                 observable_label(f.observable), band_name(step.fit.cells, f.cell), f"{f.omega_rad_s:.4g}",
-                f"{text.number(CM * f.residual, 2)} {Observable[f.observable].readers_unit}", text.number(f.z),
+                f"{text.to_error(CM * f.residual, CM * f.stderr)} {Observable[f.observable].readers_unit}".replace("-", "−"),
+                text.number(f.z),
             )
             for f in fails[:MAX_FAILING_ROWS]
         ]  # fmt: skip
