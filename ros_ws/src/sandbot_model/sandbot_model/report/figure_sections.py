@@ -1,5 +1,7 @@
 """The figure sections of the page, in order, with their captions and tables."""
 
+import math
+
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import error_of_rms
 from sandbot_model.fitting.goodness import cells_missed
@@ -119,6 +121,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         )
         counts = (step.fit.cross_validation.cells, cells_missed(step.fit.fails))
         scored, failing = (f"{count} of {len(cells)}" for count in counts)
+        failing = failing if math.isfinite(step.fit.lack_of_fit_p) else text.UNKNOWN
         rows.append((step.label, *errors, scored, text.probability(step.fit.lack_of_fit_p), failing))
     rows.append(("noise floor", *(rounded(name, floor[name]) for name in cells.observables), "", "", ""))
     caption = (
