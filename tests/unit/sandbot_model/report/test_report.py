@@ -29,6 +29,7 @@ from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.curves import steps
 from sandbot_model.report.data_section import cells_csv, data, json_download
+from sandbot_model.report.in_words import in_three_sentences
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
 from sandbot_model.report.supplement import methods
@@ -162,7 +163,11 @@ def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery
         found = replace(discovery, verdict=verdict, fits=tried, steps=fits[: 1 if name == "none" else 2])
         write_report(tmp_path / f"{name}.html", found, trials, title=name)
     one, two, none = (head_of(tmp_path / f"{name}.html") for name in ("one", "two", "none"))
-    assert "Identified. Leg slip it is. With leg slip the error" in one
+    assert "Identified. The simple model lacks leg slip, and with it explains these data. Every other" in one
+    assert "Ambiguous. The simple model lacks something: leg slip or cable drag would explain these data. Which" in two
+    assert "Adequate. The simple model explains these data" in none
+    assert "Next: 2 trials at φ 0.633, ω 22 rad/s, watching first step" in one
+    assert "Why, in numbers Leg slip it is. With leg slip the error" in one
     slip = (
         f"A shallow leg slips back through the grains. slip at depth d_r: {fits[-1].parameter_text('leg_slip.sigma')}"
     )
@@ -198,9 +203,21 @@ def test_a_verdict_that_leaves_something_open_depends_on_a_robot_nobody_named(tm
         write_report(tmp_path / "r.html", found, replace(trials, robot=robot), title="r")
         return head_of(tmp_path / "r.html")
 
-    assert "Unexplained. If the robot was SandBot, which is assumed: no set fits. " in head("unexplained", None)
-    assert "Unexplained. No set fits. " in head("unexplained", SANDBOT)
-    assert "Adequate. No set fits. " in head("adequate", None)
+    assert "Unexplained. If the robot was SandBot, which is assumed, the simple model is" in head("unexplained", None)
+    assert "Unexplained. The simple model is" in head("unexplained", SANDBOT)
+    assert "Adequate. The simple model explains" in head("adequate", None)
+    assert "Untested. Whether the simple model is right, these data can" in head("untested", SANDBOT)
+
+
+STATUSES = ("adequate", "identified", "ambiguous", "partial", "unexplained", "untested")
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_the_first_sentences_of_a_verdict_hold_no_statistic(discovery, status):
+    said = in_three_sentences(replace(discovery, verdict=replace(discovery.verdict, status=status)), SANDBOT)
+    assert re.findall(r"[.](?: |$)", said) == [". ", ". ", "."]
+    assert not re.search(r"Δ|deviance|BIC| p |dof|degrees|%|lack of fit", said)
+    assert "Next: 2 trials" in said
 
 
 def test_what_the_user_wrote_can_not_become_markup(page):

@@ -299,11 +299,7 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
         gained, needed = _told_apart(gain.sum(), threshold)
         return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
-    where = (
-        f"φ {_phi(fit, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s"
-        if cell < len(fit.cells.phi)
-        else "one level"
-    )
+    where = f"φ {_phi(fit, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s" if cell < len(fit.cells.phi) else "one level"
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
 
 

@@ -46,10 +46,10 @@
     if (format) window.sandbotExport.save(document.getElementById(`plot-${figure}`), format, figure);
   });
   dark.addEventListener("change", draw);
-  const cells = document.querySelectorAll("#data details");
+  const folds = document.querySelectorAll(".why, #data details");
   function print(now) {
     printing = now;
-    for (const folded of cells) folded.open = now; // print the data tables unfolded
+    for (const folded of folds) folded.open = now; // print the reason and the data tables unfolded
     return draw();
   }
 

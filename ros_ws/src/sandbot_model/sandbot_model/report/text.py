@@ -11,7 +11,18 @@ from sandbot_model.physics.observables import CM
 from sandbot_model.physics.typeset import plain
 from sandbot_model.report.view import readable
 
-__all__ = ("UNKNOWN", "centi", "cm_s", "counted", "described", "number", "probability", "symbol", "to_error", "with_error")
+__all__ = (
+    "UNKNOWN",
+    "centi",
+    "cm_s",
+    "counted",
+    "described",
+    "number",
+    "probability",
+    "symbol",
+    "to_error",
+    "with_error",
+)
 
 
 def centi(value: float) -> str:

@@ -171,6 +171,7 @@ def _phi_caption(material: Material, omegas: Floats) -> str:
 def _model_name(fit: Fit) -> str:
     return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
 
+
 def _band_colours(material: Material) -> list[tuple[float, ...]]:
     colours = phi_colours(len(material.cells.level_phi))
     return [colours[band.level] for band in bands(material.cells)]
