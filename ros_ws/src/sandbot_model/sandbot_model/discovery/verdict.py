@@ -272,8 +272,8 @@ def _where_it_fails(fit: Fit) -> str:
     if fit.fails:
         worst = fit.fails[0]
         where = (
-            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at φ {_phi(fit, worst.cell)}, "
-            f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
+            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at "
+            f"φ {_phi(fit, worst.cell)}, ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
     if tests := [test for test in stage_tests(fit) if test.missed]:
         worst_stage = min(tests, key=lambda test: test.p)

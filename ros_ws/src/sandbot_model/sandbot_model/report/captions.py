@@ -16,7 +16,8 @@ PERFECT = "the error expected of a perfect model; a model falls below it by chan
 """What the noise floor means."""
 
 HOW_TO_READ = {
-    "speed": f"{{points}} Solid: the chosen model, shaded, where errors are known, ± {BAND_SDS:g} standard errors from its fitted parameters. "
+    "speed": f"{{points}} Solid: the chosen model, shaded, where errors are known, ± {BAND_SDS:g} standard errors "
+    "from its fitted parameters. "
     "Dashed grey, where drawn: the base model. Where walking would be slower than swimming, swimming is drawn; a line "
     "is broken where it jumps.",
     "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "

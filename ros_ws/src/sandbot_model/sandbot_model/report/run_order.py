@@ -54,13 +54,9 @@ def figure(trials: Trials, fit: Fit, theme: Theme = LIGHT) -> dict[str, Any]:
     data = [
         {
             "type": "scatter", "mode": "markers", "name": observable.label,
-            "x": as_json(order), "y": as_json(np.clip(z[:, observable], -end, end)), "customdata": as_json(z[:, observable]),
-            "marker": {
-                "symbol": np.select([z[:, observable] > end, z[:, observable] < -end], ["triangle-up", "triangle-down"],
-                                    SYMBOLS[observable]).tolist(),
-                "size": np.where(np.abs(z[:, observable]) > end, 11, 6).tolist(),
-                "color": theme.faint if observable else theme.ink,
-            },
+            "x": as_json(order), "y": as_json(np.clip(z[:, observable], -end, end)),
+            "customdata": as_json(z[:, observable]),
+            "marker": _marker(z[:, observable], end, observable, theme),
             "hovertemplate": f"trial %{{x:.0f}}: {observable.label} %{{customdata:+.1f}} s.d.<extra></extra>",
         }
         for observable in Observable
@@ -97,6 +93,15 @@ def _beyond(trials: Trials, fit: Fit) -> str:
     ]
     more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
     return f" Beyond ±{end:.2g}, at the edge (▲▼), and used: {', '.join(named)}{more}." if named else ""
+
+
+def _marker(z: Floats, end: float, observable: Observable, theme: Theme) -> dict[str, Any]:
+    """Markers of one observable; at the edge of the axis a triangle towards what lies beyond."""
+    beyond = np.select([z > end, z < -end], ["triangle-up", "triangle-down"], SYMBOLS[observable])
+    sizes = np.where(np.abs(z) > end, 11, 6)
+    return {
+        "symbol": beyond.tolist(), "size": sizes.tolist(), "color": theme.faint if observable else theme.ink,
+    }  # fmt: skip
 
 
 def caption(trials: Trials, fit: Fit) -> str:

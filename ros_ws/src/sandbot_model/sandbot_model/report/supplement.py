@@ -86,8 +86,8 @@ def _claim(step: Step, criteria: Criteria) -> str:
     words = f"by at least {claim_threshold(fit, criteria):.0f}"
     if (spread := overdispersion(fit)) > 1.0:
         words += (
-            f" = {needed:.3g} × {spread:.3g}, the χ² per degree of freedom about the {step.whole_label} (another set has "
-            "another)"
+            f" = {needed:.3g} × {spread:.3g}, the χ² per degree of freedom about the {step.whole_label} (another set "
+            "has another)"
         )
     source = fit.cells.pure_error_from
     return f"{words}, where {criteria.claim:g} would do if the pure error were known exactly and not from {source}"
