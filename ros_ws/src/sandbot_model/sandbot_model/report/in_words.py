@@ -88,6 +88,9 @@ def _next(found: Discovery) -> str:
         return "next: an experiment of another kind (under Next trials)"
     if found.residual is not None:
         return "next: try the formula given under What the catalogue does not explain"
+    controls = (found.fit.model.catalogue[name].control for name in found.verdict.effects)
+    if told := " and ".join(filter(None, controls)):
+        return f"to confirm it: {told}"
     return "nothing is proposed to be measured next"
 
 

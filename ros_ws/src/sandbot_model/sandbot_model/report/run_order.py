@@ -16,6 +16,7 @@ from sandbot_record.trials.table import Trials
 
 MIN_TRIALS = 6
 """Fewest trials of known run order for a figure."""
+LABELS = tuple(observable.label for observable in Observable)
 END_SD = 6.0
 INSIDE = 0.98
 """The axis reaches to ± ``END_SD``, further where more than 1 - ``INSIDE`` of the points lie beyond."""
@@ -39,7 +40,8 @@ def residuals(trials: Trials, fit: Fit) -> tuple[Floats, Floats, Ints]:
 def _used(trials: Trials, fit: Fit) -> Bools:
     """Whether a trial is in a cell and its run order known, (n,)."""
     known = np.isfinite(np.asarray(trials.run_order, dtype=float))
-    return (cell_of(trials, fit.cells) >= 0) & known & np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
+    fine = np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
+    return np.asarray((cell_of(trials, fit.cells) >= 0) & known & fine)
 
 
 def drawable(trials: Trials, fit: Fit) -> bool:
@@ -54,14 +56,14 @@ def figure(trials: Trials, fit: Fit, theme: Theme = LIGHT) -> dict[str, Any]:
     data = [
         {
             "type": "scatter", "mode": "markers", "name": observable.label,
-            "x": as_json(order), "y": as_json(np.clip(z[:, observable], -end, end)),
-            "customdata": as_json(z[:, observable]),
-            "marker": _marker(z[:, observable], end, observable, theme),
-            "hovertemplate": f"trial %{{x:.0f}}: {observable.label} %{{customdata:+.1f}} s.d.<extra></extra>",
+            "x": as_json(order), "y": as_json(np.where(np.abs(z[:, observable]) > end, np.nan, z[:, observable])),
+            "marker": {"symbol": SYMBOLS[observable], "size": 6, "color": theme.faint if observable else theme.ink},
+            "hovertemplate": f"trial %{{x:.0f}}: {observable.label} %{{y:+.1f}} s.d.<extra></extra>",
         }
         for observable in Observable
         if observable.name in fit.cells.observables
     ]  # fmt: skip
+    data += _edge(order, z, end, theme)
     ink = {"color": theme.ink, "width": 1}
     zero = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 0, "y1": 0, "line": ink}
     return {
@@ -87,21 +89,24 @@ def _beyond(trials: Trials, fit: Fit) -> str:
     end, names = _end(z), trials.trial_id[_used(trials, fit)]
     found = np.argwhere(np.abs(z) > end)
     found = found[np.argsort(-np.abs(z[tuple(found.T)]))]
-    named = [
-        f"{names[i]} ({Observable(column).label} {z[i, column]:+.0f})".replace("-", "−")
-        for i, column in found[:MOST_NAMED]
-    ]
+    named = [f"{names[i]} ({LABELS[column]} {z[i, column]:+.0f})".replace("-", "−") for i, column in found[:MOST_NAMED]]
     more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
     return f" Beyond ±{end:.2g}, at the edge (▲▼), and used: {', '.join(named)}{more}." if named else ""
 
 
-def _marker(z: Floats, end: float, observable: Observable, theme: Theme) -> dict[str, Any]:
-    """Markers of one observable; at the edge of the axis a triangle towards what lies beyond."""
-    beyond = np.select([z > end, z < -end], ["triangle-up", "triangle-down"], SYMBOLS[observable])
-    sizes = np.where(np.abs(z) > end, 11, 6)
-    return {
-        "symbol": beyond.tolist(), "size": sizes.tolist(), "color": theme.faint if observable else theme.ink,
+def _edge(order: Floats, z: Floats, end: float, theme: Theme) -> list[dict[str, Any]]:
+    """Triangles at the edge of the axis, towards what lies beyond; none if nothing does."""
+    trial, column = np.nonzero(np.abs(z) > end)
+    far = z[trial, column]
+    trace = {
+        "type": "scatter", "mode": "markers", "name": f"beyond ±{end:.2g}", "x": as_json(order[trial]),
+        "y": as_json(np.copysign(end, far)), "customdata": as_json(far),
+        "marker": {"symbol": np.where(far > 0.0, "triangle-up", "triangle-down").tolist(), "size": 11,
+                   "color": theme.accent},
+        "text": [LABELS[one] for one in column],
+        "hovertemplate": "trial %{x:.0f}: %{text} %{customdata:+.1f} s.d.<extra></extra>",
     }  # fmt: skip
+    return [trace] if len(far) else []
 
 
 def caption(trials: Trials, fit: Fit) -> str:
