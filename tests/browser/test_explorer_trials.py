@@ -4,11 +4,12 @@ import base64
 import csv
 import re
 import urllib.request
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
-from audit import accessible
+from audit import accessible, screen
 from explorer_page import HIDDEN, explorer
 from selenium import webdriver
 from selenium.webdriver.common.by import By
@@ -151,3 +152,30 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, downloads
     assert {(row["x name"], row["y name"]) for row in rows} == {("depth (cm)", "force on a leg (N)")}
     assert {row["panel"] for row in rows} == {f"φ {phi:.3f}" for phi in cells_of(trials).level_phi}
     assert page.complaints() == []
+
+
+SIZES = "return [...document.querySelectorAll('.plot')].map(({_fullLayout: at}) => [at.width, at.height])"
+
+
+def told(driver, event):
+    driver.execute_script("window.dispatchEvent(new Event(arguments[0]))", event)
+
+
+def test_a_report_prints_alike_before_and_after_a_resize_and_fills_the_screen_again(page, downloads, trials):
+    """Paper has its own width and height; a resize of the window changes neither."""
+    path = downloads / "printed.html"
+    write_comparison(path, compare(cells_of(trials), EFFECTS), trials, title="report")
+    sizes = partial(page.driver.execute_script, SIZES)
+    screen(page.driver, "light", 1400)
+    page.driver.get(path.as_uri())
+    page.until(lambda: page.driver.execute_script("return document.documentElement.dataset.drawn") == "light 0")
+    wide = sizes()
+    told(page.driver, "beforeprint")
+    page.until(lambda: sizes() != wide)
+    paper = sizes()
+    told(page.driver, "afterprint")
+    page.until(lambda: sizes() == wide)
+    screen(page.driver, "light", 700)
+    page.until(lambda: sizes() != wide)
+    told(page.driver, "beforeprint")
+    page.until(lambda: sizes() == paper)

@@ -207,3 +207,9 @@ def test_a_plug_in_that_cannot_be_imported_is_one_line(monkeypatch):
     with pytest.raises(InputError, match=r"^entry point sticky: can't be loaded: .*no_such_module") as error:
         catalogue()
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.identifier)
+def test_where_an_effect_is_seen_no_observable_is_called_unchanged(effect):
+    """Once k(φ) is fitted, an effect that leaves the lift alone shows in it: maps of residuals would contradict."""
+    assert "unchanged" not in effect.seen_in

@@ -17,7 +17,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.geometry import deepest_m, step_from_lift
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, table_sections
-from sandbot_model.report.curves import steps
+from sandbot_model.report.curves import broken, steps
 from sandbot_model.report.theme import DARK, LIGHT
 from sandbot_model.report.view import Step, bands, frequencies
 from sandbot_record.trials.table import Row, from_rows
@@ -41,7 +41,7 @@ def made_up_step(cells, z=None, fails=(), effects=()):
     table = np.zeros((len(cells), 4)) if z is None else z
     fit = SimpleNamespace(
         cells=cells, effects=effects, model=SimpleNamespace(base="simple"), residual_z=table, fails=fails,
-        lack_of_fit_p=0.5, rmse_m_s=0.02, cv_rmse_m_s=0.03,
+        lack_of_fit_p=0.5, errors_hold=True, rmse_m_s=0.02, cv_rmse_m_s=0.03,
         uncertainty=lambda phi, omega, beta: np.full((*np.broadcast_shapes(phi.shape, omega.shape), 4), 0.01),
     )  # fmt: skip
     return Step(fit, grid, np.full((len(bands(cells)), len(grid)), 0.10))
@@ -85,6 +85,47 @@ def test_the_band_is_two_standard_errors_to_either_side_and_can_be_left_out():
         assert (min(area["y"]), max(area["y"])) == pytest.approx((8.0, 12.0))
         assert len(area["x"]) == len(area["y"]) == 2 * len(step.band.omega_rad_s)
     assert not [trace for trace in figures.speed(step, with_band=False)["data"] if "fill" in trace]
+
+
+def test_a_band_is_neither_drawn_nor_named_where_errors_do_not_hold():
+    step = made_up_step(made_up_cells())
+    assert "± 2 standard errors of the model" in [trace["name"] for trace in figures.speed(step)["data"]]
+    step.fit.errors_hold = False
+    drawn = figures.speed(step)["data"]
+    assert not [trace for trace in drawn if "fill" in trace or "standard errors" in trace["name"]]
+
+
+def test_an_untested_model_is_not_said_to_fail_nowhere():
+    step = made_up_step(made_up_cells())
+    for p, said in ((0.5, "no cell fails"), (np.nan, "can't be tested")):
+        step.fit.lack_of_fit_p = p
+        assert said in residual_map.residual_map(step, "speed")["layout"]["annotations"][0]["text"]
+        assert said in captions.residuals(step, "speed")
+
+
+WALKING = np.array([True] * 5 + [False] * 3)
+
+
+@pytest.mark.parametrize(
+    ("walks_m_s", "drawn_m_s"),
+    [
+        # Slower than a swimmer before it swims: swimming is drawn, in one line.
+        ([0.10, 0.08, 0.06, 0.01, 0.005], [0.10, 0.08, 0.06, 0.02, 0.02, 0.02, 0.02, 0.02]),
+        # A jump from walking to swimming is a gap.
+        ([0.10, 0.10, 0.10, 0.10, 0.10], [0.10, 0.10, 0.10, 0.10, 0.10, np.nan, 0.02, 0.02]),
+    ],
+)
+def test_walking_slower_than_swimming_is_not_drawn_and_a_jump_breaks_the_line(walks_m_s, drawn_m_s):
+    found = SimpleNamespace(walking=WALKING, speed_m_s=np.array([*walks_m_s, 0.02, 0.02, 0.02]))
+    np.testing.assert_array_equal(broken(found, 0.02), drawn_m_s)
+
+
+def test_a_band_goes_on_where_its_curve_has_a_gap():
+    step = made_up_step(made_up_cells())
+    gap = dataclasses.replace(step, speed_m_s=np.where(np.arange(7) == 3, np.nan, step.speed_m_s))
+    (area, *_) = [trace for trace in figures.speed(gap)["data"] if "fill" in trace]
+    assert None not in area["y"]
+    assert None in figures.line(gap, 0, {})["y"]
 
 
 def test_beside_a_switch_the_band_ends_where_the_curve_does():

@@ -19,7 +19,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.discovery.verdict import Verdict, claim_threshold
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
@@ -29,10 +29,13 @@ from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.curves import steps
 from sandbot_model.report.data_section import cells_csv, data, json_download
+from sandbot_model.report.in_words import in_three_sentences
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
+from sandbot_model.report.supplement import methods
 from sandbot_model.report.table_sections import _added, _formulas, failing
 from sandbot_model.report.view import Provenance, Step
+from sandbot_model.tools.tables import fails, ladder
 from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -160,7 +163,11 @@ def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery
         found = replace(discovery, verdict=verdict, fits=tried, steps=fits[: 1 if name == "none" else 2])
         write_report(tmp_path / f"{name}.html", found, trials, title=name)
     one, two, none = (head_of(tmp_path / f"{name}.html") for name in ("one", "two", "none"))
-    assert "Identified. Leg slip it is. With leg slip the error" in one
+    assert "Identified. The simple model lacks leg slip, and with it explains these data. Every other" in one
+    assert "Ambiguous. The simple model lacks something: leg slip or cable drag would explain these data. Which" in two
+    assert "Adequate. The simple model explains these data" in none
+    assert "Next: 2 trials at φ 0.633, ω 22 rad/s, watching first step" in one
+    assert "Why, in numbers Leg slip it is. With leg slip the error" in one
     slip = (
         f"A shallow leg slips back through the grains. slip at depth d_r: {fits[-1].parameter_text('leg_slip.sigma')}"
     )
@@ -196,9 +203,21 @@ def test_a_verdict_that_leaves_something_open_depends_on_a_robot_nobody_named(tm
         write_report(tmp_path / "r.html", found, replace(trials, robot=robot), title="r")
         return head_of(tmp_path / "r.html")
 
-    assert "Unexplained. If the robot was SandBot, which is assumed: no set fits. " in head("unexplained", None)
-    assert "Unexplained. No set fits. " in head("unexplained", SANDBOT)
-    assert "Adequate. No set fits. " in head("adequate", None)
+    assert "Unexplained. If the robot was SandBot, which is assumed, the simple model is" in head("unexplained", None)
+    assert "Unexplained. The simple model is" in head("unexplained", SANDBOT)
+    assert "Adequate. The simple model explains" in head("adequate", None)
+    assert "Untested. Whether the simple model is right, these data can" in head("untested", SANDBOT)
+
+
+STATUSES = ("adequate", "identified", "ambiguous", "partial", "unexplained", "untested")
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_the_first_sentences_of_a_verdict_hold_no_statistic(discovery, status):
+    said = in_three_sentences(replace(discovery, verdict=replace(discovery.verdict, status=status)), SANDBOT)
+    assert re.findall(r"[.](?: |$)", said) == [". ", ". ", "."]
+    assert not re.search(r"Δ|deviance|BIC| p |dof|degrees|%|lack of fit", said)
+    assert "Next: 2 trials" in said
 
 
 def test_what_the_user_wrote_can_not_become_markup(page):
@@ -279,6 +298,8 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
     levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
     assert failing(shown)[0].tables[0].rows[0][1] == levels[1] == "0.600"
+    (_, _, line) = fails(fit, 1).splitlines()
+    assert line.split()[1] == "0.600"
     (all_cells,) = data(shown, Provenance(used=1), []).tables
     assert [row[0] for row in all_cells.rows] == levels
 
@@ -288,6 +309,24 @@ def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
 
 
+def test_a_small_error_has_the_digits_that_tell_it_from_the_floor_as_in_the_terminal(page, fits):
+    """Two digits of a lift in cm would not."""
+    (_, *terminal) = ladder(fits).splitlines()[-2:]
+    floor = terminal[0].split()[3]
+    assert re.fullmatch(r"0\.0\d\d+", floor)
+    assert f" {floor} " in table(page, "Error as effects are added")
+
+
+def test_a_residual_has_the_digits_of_its_standard_error(discovery):
+    step = steps(discovery.steps)[0]
+    missed = Fail("lift", 0.6, 10.0, -0.000521, -5.0, 1)
+    kept = {name: getattr(step.fit, name) for name in ("cells", "effects", "model")}
+    fit = SimpleNamespace(fails=(missed,), lack_of_fit_p=0.5, **kept)
+    (row,) = failing((Step(fit, step.omega_rad_s, step.speed_m_s),))[0].tables[0].rows
+    assert row[3] == "−0.052 cm"
+    assert "-0.052 cm" in fails(fit, 1)
+
+
 def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):
     write_comparison(tmp_path / "c.html", fits, trials, title="c")
     page = (tmp_path / "c.html").read_text(encoding="utf-8")
@@ -295,10 +334,22 @@ def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits,
     assert "An effect is claimed" not in page
 
 
-def test_what_a_claim_took_is_said_as_it_was(page):
+def test_what_a_claim_took_is_said_as_it_was(page, fits):
+    """The threshold that the verdict goes by: of few replicates more than the criterion."""
     said = table(page, "How they were analysed")
-    assert "lowers the deviance by at least 30.5" in said
+    needed = claim_threshold(fits[-1], Criteria(claim=30.5))
+    assert needed > 31
+    assert f"lowers the deviance by at least {needed:.0f}" in said
+    assert "30.5 would do if the pure error were known exactly" in said
     assert "of its size is higher by at least 7.5" in said
+
+
+def test_of_an_overdispersed_fit_a_claim_takes_more_and_its_factors_are_said(fits):
+    scattered = replace(fits[-1], goodness=replace(fits[-1].goodness, chi2=3.0 * fits[-1].goodness.dof))
+    calm = replace(fits[-1], goodness=replace(fits[-1].goodness, chi2=0.5 * fits[-1].goodness.dof))
+    said, plain_said = (" ".join(methods(steps([one]), Criteria()).text) for one in (scattered, calm))
+    assert f"by at least {claim_threshold(scattered):.0f} = {claim_threshold(calm):.3g} × 3, the χ² per degree" in said
+    assert f"by at least {claim_threshold(calm):.0f}, where 22 would do" in plain_said
 
 
 def test_next_trials_and_frames_are_shown(page):

@@ -65,6 +65,27 @@ def test_every_observable_is_drawn_with_its_units(run):
     assert "s.d. of one trial" in spec["layout"]["yaxis"]["title"]["text"]
 
 
+def test_one_far_trial_does_not_flatten_the_others_and_is_named(run):
+    trials, fitted = run()
+    spec = figure(trials, fitted)
+    assert spec["layout"]["yaxis"]["range"] == pytest.approx([-6.6, 6.6])
+    assert "Beyond" not in caption(trials, fitted)
+    far = trials.peak_speed_m_s.copy()
+    far[4] += 40.0 * fitted.cells.noise[Observable.peak_speed]
+    trials = dataclasses.replace(trials, peak_speed_m_s=far)
+    spec = figure(trials, fitted)
+    edge = spec["data"][-1]
+    assert spec["layout"]["yaxis"]["range"] == pytest.approx([-6.6, 6.6])
+    assert (edge["y"], edge["marker"]["symbol"], edge["text"]) == ([6.0], ["triangle-up"], ["peak speed"])
+    assert re.search(rf"{trials.trial_id[4]} \(peak speed \+[34]\d\)", caption(trials, fitted))
+
+
+def test_where_many_trials_are_far_the_axis_reaches_them(run):
+    trials, fitted = run()
+    off = dataclasses.replace(trials, lift_m=trials.lift_m + 20.0 * fitted.cells.noise[Observable.lift])
+    assert figure(off, fitted)["layout"]["yaxis"]["range"][1] > 15.0
+
+
 def test_without_an_order_nothing_is_drawn(run):
     trials, fitted = run()
     assert drawable(trials, fitted)

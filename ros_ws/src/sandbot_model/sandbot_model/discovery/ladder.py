@@ -17,7 +17,7 @@ def ladder_rows(steps: Sequence[Fit]) -> Rows:
     measured = [observable for observable in Observable if observable.name in cells.observables]
     heads = (f"{observable.name.replace('_', chr(10))}\n[{observable.readers_unit}]" for observable in measured)
     floor = noise_floor(cells)
-    errors = {o.name: _error_of_rms(floor[o.name], int(cells.pure_error_dof[o])) for o in measured}
+    errors = {o.name: error_of_rms(floor[o.name], int(cells.pure_error_dof[o])) for o in measured}
     names = [_label(steps[0].effects) or steps[0].model.base]
     # A step that adds no effect repeats the previous one with parameters held by hand.
     names += [_label(_added(step, last)) or "the same,\nheld by hand" for last, step in pairwise(steps)]
@@ -31,7 +31,7 @@ def ladder_rows(steps: Sequence[Fit]) -> Rows:
     return rows
 
 
-def _error_of_rms(floor: float, dof: int) -> float:
+def error_of_rms(floor: float, dof: int) -> float:
     """Standard error of an rms near the noise floor [cm, cm/s], 1/√(2n) of it; NaN without replicates."""
     return CM * floor / math.sqrt(2 * dof) if dof else math.nan
 

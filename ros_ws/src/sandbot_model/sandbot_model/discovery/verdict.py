@@ -20,6 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
@@ -107,13 +108,17 @@ def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], 
 def claim_threshold(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     """Gain in deviance that an effect must bring in these data; more than ``criteria.claim`` if replicates are few.
 
-    The tail probability of χ² is converted to F on the degrees of freedom of pure error, and multiplied by the
-    overdispersion about the larger set (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
+    ``claim_on_replicates``, multiplied by the overdispersion about the larger set (quasi-likelihood; Burnham & Anderson
+    2002, ch. 2).
     """
-    freedom = int(fit.cells.pure_error_dof.sum())
-    tail = chi2_sf(criteria.claim, 1)
-    threshold = f_isf(tail, 1, freedom) if freedom else np.inf
-    return threshold * overdispersion(fit)
+    return claim_on_replicates(fit.cells, criteria) * overdispersion(fit)
+
+
+def claim_on_replicates(cells: Cells, criteria: Criteria = DEFAULT) -> float:
+    """``criteria.claim`` of a pure error known from so many replicates: the tail probability of χ² is converted to F on
+    its degrees of freedom; inf without any."""
+    freedom = int(cells.pure_error_dof.sum())
+    return f_isf(chi2_sf(criteria.claim, 1), 1, freedom) if freedom else math.inf
 
 
 def selection_penalty(count: int) -> float:
@@ -267,8 +272,8 @@ def _where_it_fails(fit: Fit) -> str:
     if fit.fails:
         worst = fit.fails[0]
         where = (
-            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
-            f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
+            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at "
+            f"φ {_phi(fit, worst.cell)}, ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
     if tests := [test for test in stage_tests(fit) if test.missed]:
         worst_stage = min(tests, key=lambda test: test.p)
@@ -294,12 +299,13 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
         gained, needed = _told_apart(gain.sum(), threshold)
         return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
-    where = (
-        f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"
-        if cell < len(fit.cells.phi)
-        else "one level"
-    )
+    where = f"φ {_phi(fit, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s" if cell < len(fit.cells.phi) else "one level"
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
+
+
+def _phi(fit: Fit, cell: int) -> str:
+    """The φ of a cell's level, by which tables and figures name the cell."""
+    return f"{fit.cells.level_phi[fit.cells.level[cell]]:.3f}"
 
 
 def _told_apart(first: float, second: float) -> tuple[str, str]:

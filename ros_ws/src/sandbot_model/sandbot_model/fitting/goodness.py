@@ -91,6 +91,11 @@ class Fail:
     cell: int
     """Index of the cell among those fitted: two gaits may share φ and ω."""
 
+    @property
+    def stderr(self) -> float:
+        """Standard error of the residual [SI]."""
+        return abs(self.residual / self.z)
+
 
 def rms(cells: Cells, gap: Array) -> dict[str, float]:
     """Rms over trials, from the ``gap`` between cell mean and model and the scatter about the cell mean."""

@@ -14,7 +14,7 @@ figures    for the page (Plotly): speed, lift and errors; print_figures: for pri
 captions   how to read each figure; text: numbers for readers
 atlas      the paper's figures
 view       the data shown; curves: with the models'; effect_facts, drawings: an effect in words and as a drawing;
-           in_words: the effects that a verdict names
+           in_words: a verdict and the effects that it names
 theme      colours and layout
 """
 

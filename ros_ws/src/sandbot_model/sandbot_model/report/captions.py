@@ -9,15 +9,17 @@ from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import text
 from sandbot_model.report.balance import forces
 from sandbot_model.report.mechanics import collapse
-from sandbot_model.report.residual_map import failing_cells
+from sandbot_model.report.residual_map import UNTESTED, failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
 PERFECT = "the error expected of a perfect model; a model falls below it by chance or by fitting the noise"
 """What the noise floor means."""
 
 HOW_TO_READ = {
-    "speed": f"{{points}} Solid: the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. "
-    "Dashed grey, where drawn: the base model.",
+    "speed": f"{{points}} Solid: the chosen model, shaded, where errors are known, ± {BAND_SDS:g} standard errors "
+    "from its fitted parameters. "
+    "Dashed grey, where drawn: the base model. Where walking would be slower than swimming, swimming is drawn; a line "
+    "is broken where it jumps.",
     "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "
     "Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong to either "
     "phase of the clock).",
@@ -29,7 +31,8 @@ HOW_TO_READ = {
     "beyond noise).",
     "critical": "Left: the frequency ω at which walking ends; the bar spans from the last measured ω that walks to the "
     "first that swims. Right: the largest mean speed, modelled over all ω (line) and over the measured ω (circles).",
-    "step": "Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
+    "step": "Step length πv̄/ω over leg radius R, lines as for speed. Grey band: s/R from 0.9 to 1, where Li09 saw "
+    "walking end.",
     "balance": "The leg sinks until the ground first gives what the body needs (dot); where it never does, the robot "
     "swims. Coloured: force the ground gives. Dashed: weight plus the force that brings the body to leg speed. "
     "Thin grey: the base model's.",
@@ -81,14 +84,14 @@ def residuals(step: Step, observable: str) -> str:
     z = np.where(failing, residual_z(step.fit, observable), np.nan)
     prefix = f"Map over φ and ω of standardised residuals of {observable_label(observable)}, {step.label}: "
     if not np.isfinite(z).any():
-        return f"{prefix}no cell fails."
+        return f"{prefix}{'no cell fails' if np.isfinite(step.fit.lack_of_fit_p) else UNTESTED}."
     worst = int(np.nanargmax(np.abs(z)))
     fail = next(f for f in step.fit.fails if f.observable == observable)
     more = "more" if z[worst] > 0 else "less"
     verb = "fails" if failing.sum() == 1 else "fail"
     return (
         f"{prefix}{int(failing.sum())} of {text.counted(len(cells), 'cell')} {verb}. Worst: "
-        f"{condition_label(cells, worst)}, {text.number(CM * abs(fail.residual), 2)} "
+        f"{condition_label(cells, worst)}, {text.to_error(CM * abs(fail.residual), CM * fail.stderr)} "
         f"{Observable[observable].readers_unit} {more} than modelled, {text.number(abs(z[worst]))} standard errors."
     )
 

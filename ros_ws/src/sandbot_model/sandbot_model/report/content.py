@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
@@ -12,7 +11,7 @@ from sandbot_model.report.data_section import data, json_download
 from sandbot_model.report.drawings import drawing
 from sandbot_model.report.effect_facts import words
 from sandbot_model.report.figure_sections import figure_sections, run_order_section
-from sandbot_model.report.in_words import condition, estimates, named_sets, spelled_out
+from sandbot_model.report.in_words import estimates, in_three_sentences, named_sets, spelled_out
 from sandbot_model.report.page import NamedEffect, Page, Section, data_uri
 from sandbot_model.report.table_sections import Frames
 from sandbot_model.report.view import Provenance, Step, frequencies, is_ladder, readable
@@ -40,7 +39,8 @@ def discovery_page(
         title=title,
         kind="Where the walking model fails, and what repairs it",
         status=verdict.status,
-        sentence=_sentence(discovery, steps, trials.robot),
+        sentence=in_three_sentences(discovery, trials.robot),
+        why=_why(discovery, steps),
         named=_named(discovery),
         headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
         cautions=provenance.cautions,
@@ -117,11 +117,9 @@ def _out_of_sample(fit: Fit) -> str:
     return f"r.m.s. of mean speed; {fit.out_of_sample}"
 
 
-def _sentence(found: Discovery, steps: tuple[Step, ...], robot: Robot | None) -> str:
-    """The reason for the verdict and its condition, if any, and the resulting change of the error."""
-    because = spelled_out(found.verdict.because, found.fit.model.catalogue).rstrip(".")
-    only_if = condition(found, robot)
-    reason = f"{only_if}: {because}" if only_if else because
+def _why(found: Discovery, steps: tuple[Step, ...]) -> str:
+    """The reason for the verdict, with its numbers, and the resulting change of the error."""
+    reason = spelled_out(found.verdict.because, found.fit.model.catalogue).rstrip(".")
     return f"{reason[:1].upper()}{reason[1:]}. {_comparison_sentence(steps, found.noise_floor_m_s)}"
 
 

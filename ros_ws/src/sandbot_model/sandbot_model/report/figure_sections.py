@@ -1,8 +1,11 @@
 """The figure sections of the page, in order, with their captions and tables."""
 
+import math
+
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery.ladder import error_of_rms
 from sandbot_model.fitting.goodness import cells_missed
-from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, rivals, run_order, text
 from sandbot_model.report.page import Figure, Section, Table
 from sandbot_model.report.view import Step, is_ladder
@@ -99,6 +102,10 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     """Error per observable, in and out of sample, for each step, with the noise floor."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)
+
+    def rounded(name: str, error: float) -> str:
+        return text.to_error(CM * error, error_of_rms(floor[name], int(cells.pure_error_dof[Observable[name]])))
+
     head = [
         "model",
         *(Observable[name].heading for name in cells.observables),
@@ -109,13 +116,14 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     rows = []
     for step in steps:
         errors = (
-            f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
+            f"{rounded(n, step.fit.rmse[n])} / {rounded(n, step.fit.cross_validation.rmse[n])}"
             for n in cells.observables
         )
         counts = (step.fit.cross_validation.cells, cells_missed(step.fit.fails))
         scored, failing = (f"{count} of {len(cells)}" for count in counts)
+        failing = failing if math.isfinite(step.fit.lack_of_fit_p) else text.UNKNOWN
         rows.append((step.label, *errors, scored, text.probability(step.fit.lack_of_fit_p), failing))
-    rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", "", ""))
+    rows.append(("noise floor", *(rounded(name, floor[name]) for name in cells.observables), "", "", ""))
     caption = (
         "Error in sample / out of sample, per observable. Cells scored: those that the others predict. Lack of fit: "
         "how often pure error alone would give a misfit as large."

@@ -38,11 +38,12 @@ DIGITS = 6
 def speed(
     step: Step, base: Step | None = None, theme: Theme = LIGHT, *, columns: int = 4, with_band: bool = True
 ) -> Spec:
-    """Mean speed against ω, one panel per φ (Li09 Fig. 2a): replicate means ± s.d., the model with its uncertainty, and
-    the base model, faint, for comparison.
+    """Mean speed against ω, one panel per φ (Li09 Fig. 2a): replicate means ± s.d., the model with its uncertainty
+    where its errors hold, and the base model, faint, for comparison.
     """
     cells = step.fit.cells
     rows = bands(cells)
+    with_band &= step.fit.errors_hold
     colours = theme.phi_colours(len(cells.level_phi))
     spec = speed_panels([step], theme, columns)
     for i, band in enumerate(rows):
@@ -212,15 +213,16 @@ def line(step: Step, band: int, look: Spec) -> Spec:
 
 
 def _band(step: Step, band: int, colour: str) -> Spec:
-    """The area between the lower and the upper curve, as one closed polygon."""
+    """The area between the lower and the upper curve, as one closed polygon; it has no gap where the curve has one."""
     area = step.band
     omega = np.concatenate([area.omega_rad_s, area.omega_rad_s[::-1]])
     edge = np.concatenate([area.low_m_s[band], area.high_m_s[band][::-1]])
+    drawn = np.isfinite(edge)
     return {
         "type": "scatter", "mode": "lines", "line": {"width": 0}, "fill": "toself", "fillcolor": _faded(colour),
         "hoverinfo": "skip", "showlegend": False,
         "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)} ± {BAND_SDS:g} s.e.",
-        "x": as_json(omega), "y": as_json(CM * edge),
+        "x": as_json(omega[drawn]), "y": as_json(CM * edge[drawn]),
     }  # fmt: skip
 
 

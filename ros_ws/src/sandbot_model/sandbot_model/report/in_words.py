@@ -1,4 +1,4 @@
-"""What a verdict names, in plain words: what each effect does, and its fitted parameters."""
+"""A verdict in plain words: what it says, how sure it is and what to do next; what each effect that it names does."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from sandbot_common.robot import Robot
 from sandbot_model.discovery.discover import INCOMPLETE, Discovery
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED
+from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
 from sandbot_model.physics.effect import Parameter
-from sandbot_model.report.view import readable
+from sandbot_model.report.view import observable_label, readable
 
 
 def estimates(name: str, fit: Fit) -> Iterator[tuple[Parameter, str, str]]:
@@ -44,6 +44,54 @@ def condition(found: Discovery, robot: Robot | None) -> str:
     A wrong robot is then as likely a reason as missing physics.
     """
     return "if the robot was SandBot, which is assumed" if robot is None and found.verdict.status in INCOMPLETE else ""
+
+
+def in_three_sentences(found: Discovery, robot: Robot | None) -> str:
+    """What the verdict is, how sure, and what to do next; without a statistic."""
+    only_if = condition(found, robot)
+    what = f"{only_if}, {_what(found)}" if only_if else _what(found)
+    return " ".join(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in (what, _how_sure(found), _next(found)))
+
+
+def _what(found: Discovery) -> str:
+    base = f"the {found.fit.model.base} model"
+    sets = [" + ".join(map(readable, names)) for names in found.verdict.alternatives]
+    return {
+        "adequate": f"{base} explains these data, and no effect of the catalogue improves it enough to be claimed",
+        "identified": f"{base} lacks {' or '.join(sets)}, and with it explains these data",
+        "ambiguous": f"{base} lacks something: {' or '.join(sets)} would explain these data",
+        "partial": f"{base} lacks {' or '.join(sets)}, which explains most of what it misses, but not all",
+        "unexplained": f"{base} is not confirmed, and nothing in the catalogue is claimed to explain what it misses",
+        "untested": f"whether {base} is right, these data can't tell",
+    }[found.verdict.status]
+
+
+def _how_sure(found: Discovery) -> str:
+    return {
+        "adequate": f"{counted(len(found.unseen), 'effect')} may be there all the same, unseen in these data"
+        if found.unseen
+        else "an effect of its usual strength would have shown",
+        "identified": "every other explanation that was tried fits clearly worse or takes implausible values",
+        "ambiguous": "which of them it is, these data can't tell",
+        "partial": "the effect is not in doubt as far as it goes, but something else is missing, too",
+        "unexplained": "that holds for the effects that were tried; the true one may be another",
+        "untested": "a good fit proves nothing here",
+    }[found.verdict.status]
+
+
+def _next(found: Discovery) -> str:
+    if found.next_trials:
+        first = found.next_trials[0]
+        times = counted(first.replicates, first.kind)
+        return f"next: {times} at {first.where}, watching {observable_label(first.observable)} (all under Next trials)"
+    if found.controls:
+        return "next: an experiment of another kind (under Next trials)"
+    if found.residual is not None:
+        return "next: try the formula given under What the catalogue does not explain"
+    controls = (found.fit.model.catalogue[name].control for name in found.verdict.effects)
+    if told := " and ".join(filter(None, controls)):
+        return f"to confirm it: {told}"
+    return "nothing is proposed to be measured next"
 
 
 def spelled_out(sentence: str, effects: Iterable[str]) -> str:

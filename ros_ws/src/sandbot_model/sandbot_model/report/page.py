@@ -101,6 +101,8 @@ class Page:
     sections: tuple[Section, ...]
     status: str = ""
     sentence: str = ""
+    why: str = ""
+    """The reason for the sentence, folded below it."""
     named: tuple[tuple[str, tuple[NamedEffect, ...]], ...] = ()
     """(heading, effects) of each set of effects that the verdict names; the heading is empty where there is one set."""
     cautions: tuple[tuple[str, str], ...] = ()

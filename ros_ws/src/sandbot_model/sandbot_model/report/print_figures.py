@@ -37,7 +37,7 @@ def _drawn(figure_class: type["Figure"], steps: Sequence[Step]) -> "Figure":
     rows = bands(steps[-1].fit.cells)
     figure, panels = _panels(figure_class, len(rows))
     colours = [rgb(colour) for colour in LIGHT.phi_colours(len(steps[-1].fit.cells.level_phi))]
-    top = 1.1 * CM * float(max(np.nanmax(measured(steps[-1].fit.cells, "speed")), np.max(steps[-1].speed_m_s)))
+    top = 1.1 * CM * float(max(np.nanmax(measured(steps[-1].fit.cells, "speed")), np.nanmax(steps[-1].speed_m_s)))
     for number, (band, panel) in enumerate(zip(rows, panels, strict=True)):
         if len(steps) > 1:
             _line(panel, steps[0], number, color=LIGHT.faint, linewidth=1.0, linestyle="--")

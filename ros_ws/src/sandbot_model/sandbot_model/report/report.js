@@ -17,8 +17,9 @@
     const drawn = Object.entries(figures).map(([name, themes]) => {
       const perStep = themes[theme];
       const figure = perStep[Math.min(step, perStep.length - 1)];
-      const { height } = figure.layout;
-      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH, height: PRINT_HEIGHT * height } : figure.layout;
+      // A copy: Plotly writes into the layout that it is given, and a resize deletes the height from it.
+      const layout = { ...figure.layout };
+      if (printing) Object.assign(layout, { width: PAPER_WIDTH, height: PRINT_HEIGHT * layout.height });
       return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
@@ -45,14 +46,17 @@
     if (format) window.sandbotExport.save(document.getElementById(`plot-${figure}`), format, figure);
   });
   dark.addEventListener("change", draw);
-  const cells = document.querySelectorAll("#data details");
+  const folds = document.querySelectorAll(".why, #data details");
   function print(now) {
     printing = now;
-    for (const folded of cells) folded.open = now; // print the data tables unfolded
-    draw();
+    for (const folded of folds) folded.open = now; // print the reason and the data tables unfolded
+    return draw();
   }
 
   window.addEventListener("beforeprint", () => print(true));
-  window.addEventListener("afterprint", () => print(false));
+  window.addEventListener("afterprint", async () => {
+    await print(false);
+    document.querySelectorAll(".plot").forEach((plot) => Plotly.Plots.resize(plot)); // from the width of the paper
+  });
   draw();
 })();

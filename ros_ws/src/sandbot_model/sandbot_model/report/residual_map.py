@@ -16,6 +16,8 @@ from sandbot_model.report.view import Step, bands, frequencies, observable_label
 Z_COLOUR_END = 8.0
 """Residual maps share this colour range, so that steps of the ladder are comparable."""
 MAX_LABELLED_COLUMNS = 10
+UNTESTED = "can't be tested"
+"""Said in place of the number of failing cells where the pure error is not known."""
 
 
 def residual_map(step: Step, observable: str, base: Step | None = None, theme: Theme = LIGHT) -> Spec:
@@ -39,8 +41,7 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         spec["data"].append(trace | axes | {"showscale": i == len(shown) - 1})
         spec["layout"][f"xaxis{key}"] = category_axis(theme, "ω (rad/s)", trace["x"], domain=across, anchor=f"y{key}")
         spec["layout"][f"yaxis{key}"] = category_axis(theme, "", trace["y"], showticklabels=i == 0, anchor=f"x{key}")
-        failing = _count(failing_cells(drawn.fit, observable))
-        words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {failing}"
+        words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {_outcome(drawn.fit, observable)}"
         spec["layout"]["annotations"].append(
             note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
         )
@@ -90,8 +91,10 @@ def column_label(omega_rad_s: float) -> str:
     return f"{omega_rad_s:.3g}"
 
 
-def _count(failing: NDArray[np.bool_]) -> str:
-    number = int(failing.sum())
+def _outcome(fit: Fit, observable: str) -> str:
+    if not math.isfinite(fit.lack_of_fit_p):
+        return UNTESTED
+    number = int(failing_cells(fit, observable).sum())
     return "no cell fails" if number == 0 else f"{number} {'cell fails' if number == 1 else 'cells fail'}"
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.arrays import Floats, Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.data.conditions import cell_of
 from sandbot_model.data.quality import trend
 from sandbot_model.fitting.fit import Fit
@@ -16,6 +16,11 @@ from sandbot_record.trials.table import Trials
 
 MIN_TRIALS = 6
 """Fewest trials of known run order for a figure."""
+LABELS = tuple(observable.label for observable in Observable)
+END_SD = 6.0
+INSIDE = 0.98
+"""The axis reaches to ± ``END_SD``, further where more than 1 - ``INSIDE`` of the points lie beyond."""
+MOST_NAMED = 3
 SYMBOLS = ("circle", "square-open", "triangle-up-open", "diamond-open")
 
 
@@ -25,12 +30,18 @@ def residuals(trials: Trials, fit: Fit) -> tuple[Floats, Floats, Ints]:
     Only trials in a cell and with known run order are returned; NaN for an observable that the cell's fit does not use.
     """
     cells, order = fit.cells, np.asarray(trials.run_order, dtype=float)
-    cell = cell_of(trials, cells)
-    used = (cell >= 0) & np.isfinite(order) & np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
-    cell = cell[used]
+    used = _used(trials, fit)
+    cell = cell_of(trials, cells)[used]
     values = np.stack([np.asarray(getattr(trials, o.column), dtype=float)[used] for o in Observable], axis=1)
     values[~np.isfinite(cells.mean[cell])] = np.nan
     return order[used], (values - fit.predicted[cell]) / cells.noise, cell
+
+
+def _used(trials: Trials, fit: Fit) -> Bools:
+    """Whether a trial is in a cell and its run order known, (n,)."""
+    known = np.isfinite(np.asarray(trials.run_order, dtype=float))
+    fine = np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
+    return np.asarray((cell_of(trials, fit.cells) >= 0) & known & fine)
 
 
 def drawable(trials: Trials, fit: Fit) -> bool:
@@ -41,16 +52,18 @@ def drawable(trials: Trials, fit: Fit) -> bool:
 def figure(trials: Trials, fit: Fit, theme: Theme = LIGHT) -> dict[str, Any]:
     """Residuals of every observable against run order."""
     order, z, _ = residuals(trials, fit)
+    end = _end(z)
     data = [
         {
             "type": "scatter", "mode": "markers", "name": observable.label,
-            "x": as_json(order), "y": as_json(z[:, observable]),
+            "x": as_json(order), "y": as_json(np.where(np.abs(z[:, observable]) > end, np.nan, z[:, observable])),
             "marker": {"symbol": SYMBOLS[observable], "size": 6, "color": theme.faint if observable else theme.ink},
             "hovertemplate": f"trial %{{x:.0f}}: {observable.label} %{{y:+.1f}} s.d.<extra></extra>",
         }
         for observable in Observable
         if observable.name in fit.cells.observables
     ]  # fmt: skip
+    data += _edge(order, z, end, theme)
     ink = {"color": theme.ink, "width": 1}
     zero = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 0, "y1": 0, "line": ink}
     return {
@@ -60,13 +73,48 @@ def figure(trials: Trials, fit: Fit, theme: Theme = LIGHT) -> dict[str, Any]:
             360,
             shapes=[zero],
             xaxis=axis(theme, "place in the campaign"),
-            yaxis=axis(theme, "measured − model (s.d. of one trial)"),
+            yaxis=axis(theme, "measured − model (s.d. of one trial)", range=[-1.1 * end, 1.1 * end]),
         ),
     }
 
 
+def _end(z: Floats) -> float:
+    """Residual up to which the axis reaches: one far trial must not flatten all others."""
+    return max(END_SD, float(np.nanquantile(np.abs(z), INSIDE)))
+
+
+def _beyond(trials: Trials, fit: Fit) -> str:
+    """The trials beyond the axis, the furthest first; empty without any."""
+    _, z, _ = residuals(trials, fit)
+    end, names = _end(z), trials.trial_id[_used(trials, fit)]
+    found = np.argwhere(np.abs(z) > end)
+    found = found[np.argsort(-np.abs(z[tuple(found.T)]))]
+    named = [f"{names[i]} ({LABELS[column]} {z[i, column]:+.0f})".replace("-", "−") for i, column in found[:MOST_NAMED]]
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    return f" Beyond ±{end:.2g}, at the edge (▲▼), and used: {', '.join(named)}{more}." if named else ""
+
+
+def _edge(order: Floats, z: Floats, end: float, theme: Theme) -> list[dict[str, Any]]:
+    """Triangles at the edge of the axis, towards what lies beyond; none if nothing does."""
+    trial, column = np.nonzero(np.abs(z) > end)
+    far = z[trial, column]
+    trace = {
+        "type": "scatter", "mode": "markers", "name": f"beyond ±{end:.2g}", "x": as_json(order[trial]),
+        "y": as_json(np.copysign(end, far)), "customdata": as_json(far),
+        "marker": {"symbol": np.where(far > 0.0, "triangle-up", "triangle-down").tolist(), "size": 11,
+                   "color": theme.accent},
+        "text": [LABELS[one] for one in column],
+        "hovertemplate": "trial %{x:.0f}: %{text} %{customdata:+.1f} s.d.<extra></extra>",
+    }  # fmt: skip
+    return [trace] if len(far) else []
+
+
 def caption(trials: Trials, fit: Fit) -> str:
-    """Caption: the trend of each observable and its p-value."""
+    """Caption: the trend of each observable and its p-value, and the trials beyond the axis."""
+    return _trends(trials, fit) + _beyond(trials, fit)
+
+
+def _trends(trials: Trials, fit: Fit) -> str:
     order, z, cell = residuals(trials, fit)
     trends = []
     for observable in Observable:

@@ -1,5 +1,6 @@
 """Opening sections of a supplement: the origin of the trials, and the methods of the analysis."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +12,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, difference
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.verdict import claim_on_replicates, claim_threshold, overdispersion
 from sandbot_model.report import text
 from sandbot_model.report.page import Section, Table
 from sandbot_model.report.view import Step, frequencies
@@ -67,13 +69,28 @@ def methods(steps: Sequence[Step], criteria: Criteria | None = None) -> Section:
     if criteria is None:
         return Section("methods", "How they were analysed", text=(analysis,))
     claims = (
-        f"An effect is claimed if it lowers the deviance by at least {criteria.claim:g}, and the BIC of every other "
+        f"An effect is claimed if it lowers the deviance {_claim(steps[-1], criteria)}, and the BIC of every other "
         f"set of its size is higher by at least {criteria.clearly:g}; nuisance parameters (the zero of the lift, the "
         "scale along the track, differences between batches, a drift) are free within their priors. Standard errors "
         "follow from the curvature of the deviance at its minimum, or from a sample of the posterior where it is no "
         "parabola."
     )
     return Section("methods", "How they were analysed", text=(analysis, claims))
+
+
+def _claim(step: Step, criteria: Criteria) -> str:
+    """The gain that a claim takes in these data, with its two factors where they count."""
+    fit, needed = step.fit, claim_on_replicates(step.fit.cells, criteria)
+    if not math.isfinite(needed):
+        return f"by at least {criteria.claim:g}, more where replicates are few (here are none: nothing is claimed)"
+    words = f"by at least {claim_threshold(fit, criteria):.0f}"
+    if (spread := overdispersion(fit)) > 1.0:
+        words += (
+            f" = {needed:.3g} × {spread:.3g}, the χ² per degree of freedom about the {step.whole_label} (another set "
+            "has another)"
+        )
+    source = fit.cells.pure_error_from
+    return f"{words}, where {criteria.claim:g} would do if the pure error were known exactly and not from {source}"
 
 
 def _robot(robot: Robot | None) -> str:

@@ -8,6 +8,7 @@ from markupsafe import Markup, escape
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Fail
 from sandbot_model.fitting.text import NO_ERROR
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import CM, Observable
@@ -197,7 +198,7 @@ def failing(steps: tuple[Step, ...]) -> list[Section]:
         rows = [
             (
                 observable_label(f.observable), band_name(step.fit.cells, f.cell), f"{f.omega_rad_s:.4g}",
-                f"{text.number(CM * f.residual, 2)} {Observable[f.observable].readers_unit}", text.number(f.z),
+                _residual(f), text.number(f.z),
             )
             for f in fails[:MAX_FAILING_ROWS]
         ]  # fmt: skip
@@ -206,6 +207,11 @@ def failing(steps: tuple[Step, ...]) -> list[Section]:
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
     return [Section("failing", "Failing cells", tables=tuple(tables))] if tables else []
+
+
+def _residual(fail: Fail) -> str:
+    rounded = text.to_error(CM * fail.residual, CM * fail.stderr).replace("-", "−")
+    return f"{rounded} {Observable[fail.observable].readers_unit}"
 
 
 def video(frames: Frames) -> list[Section]:

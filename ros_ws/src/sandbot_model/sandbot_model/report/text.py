@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from sandbot_model.fitting.text import UNKNOWN, cm_s, counted, probability, with_error
+from sandbot_model.fitting.text import UNKNOWN, cm_s, counted, probability, to_error, with_error
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import BASE_PARAMETERS
@@ -11,7 +11,18 @@ from sandbot_model.physics.observables import CM
 from sandbot_model.physics.typeset import plain
 from sandbot_model.report.view import readable
 
-__all__ = ("centi", "cm_s", "counted", "described", "number", "probability", "symbol", "with_error")
+__all__ = (
+    "UNKNOWN",
+    "centi",
+    "cm_s",
+    "counted",
+    "described",
+    "number",
+    "probability",
+    "symbol",
+    "to_error",
+    "with_error",
+)
 
 
 def centi(value: float) -> str:

@@ -82,7 +82,7 @@ class Step:
         half = BAND_SDS * self.fit.uncertainty(phi, omega, clock)[..., Observable.speed]
         middle = self.speed_m_s[:, ::BAND_EVERY]
         usual = np.median(half, axis=1, keepdims=True)
-        lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.min, np.max))
+        lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.nanmin, np.nanmax))
         low = np.maximum(middle - half, np.maximum(lowest - usual, 0.0))
         return SpeedBand(omega, low, np.minimum(middle + half, highest + usual))
 

@@ -11,7 +11,7 @@ from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, table
+from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, table, to_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
@@ -103,8 +103,10 @@ def fails(fit: Fit, most: int) -> str:
         return "no cell mean is missed by more than 3 standard errors"
     rows = [["observable", "phi", "omega [rad/s]", "measured - model", "z"]]
     for fail in fit.fails[:most]:
-        residual = f"{CM * fail.residual:+.2f} {Observable[fail.observable].readers_unit}"
-        rows.append([fail.observable, f"{fail.phi:.4f}", f"{fail.omega_rad_s:.4g}", residual, f"{fail.z:+.1f}"])
+        sign = "+" if fail.residual > 0.0 else ""
+        residual = f"{sign}{to_error(CM * fail.residual, CM * fail.stderr)} {Observable[fail.observable].readers_unit}"
+        phi = f"{fit.cells.level_phi[fit.cells.level[fail.cell]]:.3f}"
+        rows.append([fail.observable, phi, f"{fail.omega_rad_s:.4g}", residual, f"{fail.z:+.1f}"])
     return table(rows) + _more(len(fit.fails) - most)
 
 

@@ -13,7 +13,7 @@ class CableDrag(Effect):
     stage = "step"
     formula = "s -> s*e; peak -> peak*e; e = clip(1 - F_c/F_x, 0, 1); F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]"
     source = "Li09, rails and cable"
-    seen_in = "s and W peak, L unchanged"
+    seen_in = "s and W peak lower at the same L"
     control = "carry the cable along, or unhook it: its drag vanishes"
     parameters = (
         Parameter(

@@ -11,7 +11,7 @@ class StanceOverlap(Effect):
     stage = "speed"
     formula = "v -> v*(1 - eta): the first step likewise"
     source = "Li09, double stance"
-    seen_in = "off the geometry lock, L unchanged"
+    seen_in = "off the geometry lock: v lower at the same L"
     control = "walk in a gait of smaller duty factor d_c: it shrinks"
     mistaken_for = "a cable sparing the peak"
     parameters = (

@@ -21,6 +21,7 @@ from sandbot_model.report.atlas.style import (
     sheet,
     speed_line,
 )
+from sandbot_model.report.curves import swim_m_s
 from sandbot_model.report.view import bands, frequencies
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def phi_panel(panel: "Axes", material: Material, **legend: Any) -> None:
     column = nearest(trials.omega_rad_s, omegas)
     for number, (omega, colour) in enumerate(zip(omegas, omega_colours(len(omegas)), strict=True)):
         found = material.fit.predict(phi, np.full_like(phi, omega))
-        speed_line(panel, phi, found, _slowest_swim(material.fit), color=colour)
+        speed_line(panel, phi, found, swim_m_s(material.fit), color=colour)
         here = column == number
         panel.plot(
             trials.phi[here], CM * trials.speed_m_s[here], MARKERS[number % len(MARKERS)], color=colour,
@@ -109,7 +110,7 @@ def _lines(panel: "Axes", material: Material, fit: Fit, first: Fit | None = None
         for which, how in ((first, GHOST), (fit, {"color": colour, **looks})):
             if which is not None:
                 found = which.predict(np.full_like(omega, band.phi), omega, cells.clock[band.cells[0]])
-                speed_line(panel, omega, found, _slowest_swim(which), **how)
+                speed_line(panel, omega, found, swim_m_s(which), **how)
 
 
 def _points(panel: "Axes", material: Material) -> None:
@@ -169,12 +170,6 @@ def _phi_caption(material: Material, omegas: Floats) -> str:
 
 def _model_name(fit: Fit) -> str:
     return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
-
-
-def _slowest_swim(fit: Fit) -> float:
-    """Lowest speed drawn for swimming: the fitted swimming speed, or 0 where an effect models swimming."""
-    estimate = fit.parameters.get("v_swim_m_s")
-    return 0.0 if estimate is None else estimate.value
 
 
 def _band_colours(material: Material) -> list[tuple[float, ...]]:

@@ -9,6 +9,7 @@ from plotly.colors import sample_colorscale
 from sandbot_common.arrays import Floats
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import Prediction
+from sandbot_model.report.curves import drawn
 from sandbot_model.report.print_figures import FONT, matplotlib, rgb
 from sandbot_model.report.theme import LIGHT
 
@@ -71,8 +72,8 @@ def omega_colours(count: int) -> list[tuple[float, ...]]:
 
 def speed_line(panel: "Axes", x: Floats, found: Prediction, swim_m_s: float, **looks: Any) -> None:
     """Mean speed [cm/s] along x: walking and swimming as separate pieces, with a dotted line at each switch."""
-    walks = np.asarray(found.walking) & (found.speed_m_s > swim_m_s)
-    speed = CM * np.where(found.walking, np.maximum(found.speed_m_s, swim_m_s), found.speed_m_s)
+    speed_m_s, walks = drawn(found, swim_m_s)
+    speed = CM * speed_m_s
     edges = np.flatnonzero(np.diff(walks.astype(int))) + 1
     for piece in np.split(np.arange(len(x)), edges):
         panel.plot(x[piece], speed[piece], **looks)
