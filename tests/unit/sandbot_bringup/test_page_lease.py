@@ -46,7 +46,7 @@ class Graph:
 @pytest.fixture
 def graph(monkeypatch):
     one = Graph()
-    monkeypatch.setattr(page_lease_node.node, "publisher", one.offer)
+    monkeypatch.setattr(page_lease_node.endpoints, "publisher", one.offer)
     monkeypatch.setattr(page_lease_node, "Timer", lambda _ros, _period, turn: setattr(one, "turn", turn))
     monkeypatch.setattr(page_lease_node, "real_time_while", lambda *_: None)
     # What waits is turned to: the loop is another thread's.
