@@ -410,6 +410,10 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys):
     assert not (tmp_path / "t.csv").exists()
 
 
+def test_info_gives_times_to_the_nanosecond():
+    assert info_tool._time(1796022482530332686).endswith(":02.530332686 UTC (1796022482.530332686)")
+
+
 def test_info(tmp_path, capsys):
     bag = bags.trial_bag(tmp_path / "b")
     assert info_tool.main([str(bag)]) == 0
