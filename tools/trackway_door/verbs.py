@@ -30,6 +30,8 @@ FLAGS += ("--with-commands", "--all", "-a", "--pause-images", "--fresh", "--end-
 """Options without a value, of the verbs with a ``then``."""
 MANY = ("--attach", "--topics", "--remap")
 """Those with any number of values."""
+NEW = ("--next",)
+"""Those that name a file which must not be there yet."""
 
 GROUPS = {
     "begin": (
@@ -109,7 +111,9 @@ def then(verb: Verb, arguments: Sequence[str]) -> list[str]:
     data, options = _split(arguments)
     given = {name for name, *_ in options}
     out = [value for name, *values in options if name in ("--out", "-o") for value in values]
-    known = {"{data}": _lasting(data), "{out}": _lasting(out), "{given}": list(arguments) if _lasting(data) else []}
+    again = [*data, *chain.from_iterable(option for option in options if option[0] not in NEW)]
+    again = again if given & set(NEW) else list(arguments)
+    known = {"{data}": _lasting(data), "{out}": _lasting(out), "{given}": again if _lasting(data) else []}
     lines = []
     for words in map(str.split, verb.then):
         if not given & set(words) and all(known.get(word, [word]) for word in words):

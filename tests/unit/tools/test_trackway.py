@@ -100,6 +100,7 @@ TYPED = ["--effect", "x: strength: k*(1 + a); a [1] in -5..5"]
         ("discover a.csv --robot=r.yaml", ["explore a.csv --robot r.yaml", f"discover a.csv --robot=r.yaml {REPORT}"]),
         ("discover a.csv --max-effects 1", ["explore a.csv", f"discover a.csv --max-effects 1 {REPORT}"]),
         ("discover a.csv --html d.html", ["explore a.csv"]),
+        ("discover --next n.csv a.csv --verbose", ["explore a.csv", f"discover a.csv --verbose {REPORT}"]),
         ("discover /dev/stdin", []),
         ("discover none.csv", []),
         ("campaign a.csv --out run", ["compare run", "discover run"]),

@@ -29,9 +29,11 @@ from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.fitting.text import NO_ERROR, counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import with_variants
 from sandbot_model.report import captions, figure_sections, rivals, table_sections
 from sandbot_model.report.curves import steps
+from sandbot_model.report.in_words import no_trial
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
 from sandbot_record.trials.table import Row, from_rows
@@ -282,6 +284,28 @@ def test_what_is_unexplained_may_be_another_robot_where_none_is_named(two):
     )
     assert answer.of_discovery(found, SANDBOT).startswith("verdict: unexplained\n")
     assert answer.of_discovery(two, None).startswith("verdict: ambiguous: one of 2 sets of effects, these")
+
+
+def test_why_no_trial_is_proposed_and_what_to_do_instead(two):
+    def why(status, *proposed, found=two):
+        return no_trial(replace(found, verdict=Verdict(status, (), (), ""), next_trials=proposed))
+
+    reading = NextTrial(0.6, np.nan, PENETRATION, ("leg_slip", "cable_drag"), 3.0, 4, 0.01)
+    assert why("adequate", reading) == "no trial is proposed: only a penetrometer would show the difference"
+    needless = "no trial is proposed: none is needed, or none within reach would help"
+    assert why("identified") == needless
+    worst = two.fits[-1].fails[0]
+    missed = replace(two, fits=two.fits[-1:])
+    again = f"none holds; repeat on another day what is missed most (φ {worst.phi:.3f}, ω {worst.omega_rad_s:.3g} rad/s"
+    for status in ("partial", "unexplained"):
+        assert again in why(status, found=missed)
+    # Controls: the lift is asked for only where it is lacking.
+    assert "lift" not in why("unexplained", found=missed)
+    mean = two.cells.mean.copy()
+    mean[:, Observable.lift] = np.nan
+    lacking = replace(missed, cells=replace(two.cells, mean=mean))
+    assert why("unexplained", found=lacking).endswith("; measure the lift, which names most effects")
+    assert why("identified", found=lacking) == needless
 
 
 def test_a_plan_is_offered_for_trials_but_not_for_readings(two):

@@ -324,10 +324,63 @@ def test_bags_that_give_no_row_are_named(tmp_path, capsys):
     assert table_tool.main([str(folder)]) == 0
     file.write_bytes(file.read_bytes()[:-50])
     assert table_tool.main([str(folder)]) == 1
-    assert len(read_csv(folder / "trials.csv")) == 2
     printed = capsys.readouterr().out
     assert "skipped: " in printed
     assert "recover" in printed
+    (note,) = read(folder).unread
+    assert note.startswith(f"skipped: {folder}/trials/t1: t1_0.mcap is unfinished")
+
+
+def damage(bag):
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-50])
+
+
+def test_the_row_of_a_bag_damaged_since_is_excluded_but_kept(tmp_path):
+    folder = campaign(tmp_path)
+    whole = table.make(folder).trials.speed_m_s.tolist()
+    shutil.copytree(folder / "trials" / "t1", tmp_path / "copy")
+    damage(folder / "trials" / "t1")
+    for made in (table.make, table.campaign, table.make):
+        trials = made(folder).trials
+        assert trials.speed_m_s.tolist() == whole
+        assert trials.status.tolist() == ["ok", table.UNREADABLE, "ok"]
+    # Brought back from a copy, the bag counts again; a bag that is gone has no row.
+    shutil.rmtree(folder / "trials" / "t1")
+    (tmp_path / "copy").rename(folder / "trials" / "t1")
+    assert table.make(folder).trials.excluded == 0
+    shutil.rmtree(folder / "trials" / "t1")
+    assert table.make(folder).trials.trial_id.tolist() == ["t0", "t2"]
+
+
+@pytest.mark.parametrize("cached", [True, False])
+@pytest.mark.parametrize("lost", [["t0"], ["t0", "t1", "t2"]])
+def test_a_table_brought_back_over_damaged_bags_stops_nothing(tmp_path, lost, cached):
+    folder = campaign(tmp_path)
+    table.make(folder)
+    kept = (folder / table.TRIALS_CSV).read_bytes()
+    for name in lost:
+        damage(folder / "trials" / name)
+    table.make(folder)
+    (folder / table.TRIALS_CSV).write_bytes(kept)
+    if not cached:
+        (folder / table.CACHE).unlink()
+    report = table.make(folder)
+    assert [bag.name for bag in report.skipped] == lost
+    assert report.trials.excluded == len(lost)
+
+
+def test_a_bag_copied_under_another_name_costs_no_other_trial_its_row(tmp_path):
+    folder = campaign(tmp_path)
+    first = table.make(folder).trials
+    # Sorted before the original, which has the name of its trial.
+    shutil.copytree(folder / "trials" / "t1", folder / "trials" / "a copy")
+    for made in (table.campaign, table.make, table.campaign):
+        report = made(folder)
+        assert repr(report.trials.rows()) == repr(first.rows())
+        ((bag, why),) = report.skipped.items()
+        assert (bag.name, report.bags["t1"].name) == ("a copy", "t1")
+        assert why == f"{bag}: trial id 't1' is also that of t1, which is used; move one of them away"
 
 
 def test_what_was_not_measured_of_a_good_trial_is_told(tmp_path, capsys):
@@ -355,6 +408,10 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys):
     assert table_tool.main([str(tmp_path / "b"), "--out", str(tmp_path / "t.csv")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "t.csv").exists()
+
+
+def test_info_gives_times_to_the_nanosecond():
+    assert info_tool._time(1796022482530332686).endswith(":02.530332686 UTC (1796022482.530332686)")
 
 
 def test_info(tmp_path, capsys):

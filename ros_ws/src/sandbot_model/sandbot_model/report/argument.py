@@ -23,7 +23,7 @@ from sandbot_model.report import (
 from sandbot_model.report.content import headline
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.data_section import json_download
-from sandbot_model.report.in_words import spelled_out
+from sandbot_model.report.in_words import no_trial, spelled_out
 from sandbot_model.report.page import Download, Figure, Page, Section, data_uri
 from sandbot_model.report.view import Provenance, Step
 
@@ -136,7 +136,7 @@ def _next(shown: Steps, discovery: Discovery) -> Section:
     trials = discovery.next_trials
     figures = (_separation(model_difference.gaps(fits), trials),) if len(fits) > 1 else ()
     tables = tuple(table for section in table_sections.next_trials(discovery) for table in section.tables)
-    heading, how = "What would settle it?", _how_to_run(trials)
+    heading, how = "What would settle it?", _how_to_run(discovery)
     return Section("next", heading, how, figures, tables, downloads=_plan(discovery))
 
 
@@ -149,9 +149,10 @@ def _separation(gaps: model_difference.Gaps, trials: tuple[NextTrial, ...]) -> F
     )  # fmt: skip
 
 
-def _how_to_run(trials: tuple[NextTrial, ...]) -> tuple[str, ...]:
-    if not _walking_trials(trials):
-        return ("No further trial is proposed: none is needed, or none within reach would help.",)
+def _how_to_run(discovery: Discovery) -> tuple[str, ...]:
+    if not _walking_trials(discovery.next_trials):
+        why = no_trial(discovery)
+        return (f"{why[:1].upper()}{why[1:]}.",)
     return (f"Run the plan below with: trackway campaign {PLAN} --out runs/next",)
 
 

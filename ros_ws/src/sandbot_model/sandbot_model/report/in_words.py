@@ -10,6 +10,9 @@ from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
 from sandbot_model.physics.effect import Parameter
 from sandbot_model.report.view import observable_label, readable
 
+MOST_REPEATED = 3
+"""Conditions that are asked for again where nothing explains the data."""
+
 
 def estimates(name: str, fit: Fit) -> Iterator[tuple[Parameter, str, str]]:
     """The parameters of an effect that the data determine: each, its value ± error with the unit, and a remark on a
@@ -92,6 +95,19 @@ def _next(found: Discovery) -> str:
     if told := " and ".join(filter(None, controls)):
         return f"to confirm it: {told}"
     return "nothing is proposed to be measured next"
+
+
+def no_trial(found: Discovery) -> str:
+    """Why no trial is proposed and, where nothing explains the data, what to do instead."""
+    if found.next_trials:
+        return "no trial is proposed: only a penetrometer would show the difference"
+    if found.verdict.status not in INCOMPLETE:
+        return "no trial is proposed: none is needed, or none within reach would help"
+    fails = next((fit.fails for fit in (*found.fits[:1], found.fit) if fit.fails), ())
+    where = list(dict.fromkeys(f"φ {fail.phi:.3f}, ω {fail.omega_rad_s:.3g} rad/s" for fail in fails))[:MOST_REPEATED]
+    again = f"; repeat on another day what is missed most ({'; '.join(where)})" if where else ""
+    lift = "" if "lift" in found.cells.observables else "; measure the lift, which names most effects"
+    return f"no trial is proposed: trials decide between explanations, and none holds{again}{lift}"
 
 
 def spelled_out(sentence: str, effects: Iterable[str]) -> str:

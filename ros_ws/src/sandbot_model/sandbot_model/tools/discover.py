@@ -57,8 +57,12 @@ def _discover(argv: Sequence[str]) -> None:
         raise InputError(f"--calibrate {args.calibrate}: 1 or more campaigns are needed")
     arguments.check_report(args)
     arguments.criteria(args)
-    if args.next is not None and args.next.exists():
-        raise InputError(f"--next {args.next}: is there already, perhaps filled in; give another name")
+    if args.next is not None:
+        from sandbot_model.tools.trials_to_run import readings_file
+
+        for path in (args.next, readings_file(args.next)):
+            if path.exists():
+                raise InputError(f"--next {path}: is there already, perhaps filled in; give another name")
     _run(args, arguments.fitters(args))
 
 
@@ -97,9 +101,10 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         print()
         print(filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
     if args.next is not None:
+        from sandbot_model.report.in_words import no_trial
         from sandbot_model.tools.trials_to_run import write_trials_to_run
 
-        print("\n" + filled(write_trials_to_run(found.next_trials, found.cells.trials, args.next)))
+        print("\n" + filled(write_trials_to_run(found.next_trials, found.cells.trials, args.next, no_trial(found))))
     if args.json is not None:
         content = found.to_dict()
         content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]

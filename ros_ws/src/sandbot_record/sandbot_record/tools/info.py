@@ -93,7 +93,8 @@ def _size(count: float) -> str:
 
 
 def _time(t_ns: int) -> str:
-    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%b %d %Y %H:%M:%S}.{t_ns % 10**9:09d} UTC ({t_ns / 1e9:.9f})"
+    seconds, rest = divmod(t_ns, 10**9)  # a float has too few digits for ns
+    return f"{datetime.fromtimestamp(seconds, UTC):%b %d %Y %H:%M:%S}.{rest:09d} UTC ({seconds}.{rest:09d})"
 
 
 def _short(text: str, width: int = 200) -> str:

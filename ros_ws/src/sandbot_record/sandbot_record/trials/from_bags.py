@@ -31,6 +31,8 @@ from sandbot_record.trials.table import MEASURED, OK, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
+UNREADABLE = "its bag can't be read any more"
+"""Status of a row of trials.csv that was measured before its bag was damaged."""
 _POINT = ("point.x", "point.y", "point.z")
 _PARALLEL_FROM = 8
 """Number of bags from which starting worker processes pays."""
@@ -40,8 +42,8 @@ _CACHE_EVERY = 1000
 
 @dataclass(frozen=True)
 class Report:
-    """The table of a campaign, the bag of each trial, the reason for each skipped bag, how many rows came from the
-    cache, and whether the table was edited manually."""
+    """The table of a campaign, the bag of each trial whose bag can be read, the reason for each skipped bag, how many
+    rows came from the cache, and whether the table was edited manually."""
 
     trials: Trials
     bags: Mapping[str, Path]
@@ -129,8 +131,8 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     """The table of a campaign folder, or of any folder of bags.
 
     Bags are read by a ``crew`` (by default one process per CPU); a folder with only trials.csv gives that table. A
-    trial's status may be edited in trials.csv: edits apply to all bags that are unchanged since it was written. Raises
-    InputError if no bag gives a row.
+    trial's status may be edited in trials.csv: edits apply to all bags that are unchanged since it was written. A row
+    whose bag can't be read any more is kept but excluded. Raises InputError if there is no row.
     """
     report = report_of(folder, crew)
     if not len(report.trials):
@@ -152,14 +154,36 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
     own = read_csv(folder / TRIALS_CSV) if (folder / TRIALS_CSV).is_file() else None
     edited = own is not None and content_hash(folder / TRIALS_CSV) != cache.written
     tabled = _tabled(folder, bags, cache) if own else set()
-    if own and len(own) == len(bags) == len(tabled):
-        setting = shared([recorded, _measured(bags[0])[1]])
+    if own and len(own) == len(bags) == len(tabled) and not isinstance(first_bag := _row_or_reason(bags[0]), str):
+        setting = shared([recorded, first_bag[1]])
         table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
         if cache.seen != before:
             cache.write({bag: cache.key(bag) for bag in bags})
         return Report(table, {cache.trial_id(bag): bag for bag in bags}, {}, len(bags), edited)
     keys = {bag: cache.key(bag) for bag in bags}
-    todo = [bag for bag in bags if keys[bag] not in cache.measured]
+    cached = sum(key in cache.measured for key in keys.values())
+    failed = _fill(cache, keys, crew)
+    if cached == len(bags) and cache.seen != before:
+        cache.write(keys)
+    found = {bag: result for bag in bags if (result := cache.get(keys[bag], bag)) is not None}
+    by_id = _by_id({bag: row for bag, (row, _) in found.items()})
+    doubled = {bag: _same_id(bag, row, by_id) for bag, (row, _) in found.items() if by_id[row.trial_id] != bag}
+    measured = {bag: result for bag, result in found.items() if bag not in doubled}
+    known = {row.trial_id: row for row in own.rows()} if own else {}
+    # A table without edits is ignored: an earlier version may have measured it from the bags.
+    by_hand = known if edited else {}
+    rows = {bag: by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()}
+    unread = (*(own.unread if own else ()), *_edits(list(rows.values()), [row for row, _ in measured.values()]))
+    lost = {bag: known[name] for bag in failed if (name := files.base_name(bag)) in known.keys() - by_id.keys()}
+    rows |= {bag: replace(row, status=UNREADABLE if row.status == OK else row.status) for bag, row in lost.items()}
+    setting = shared([recorded, *(own_setting for _, own_setting in measured.values())])
+    table = replace(from_rows([rows[bag] for bag in sorted(rows)], *setting.for_table), unread=unread)
+    return Report(table, by_id, failed | doubled, cached, edited)
+
+
+def _fill(cache: Cache, keys: Mapping[Path, str], crew: Crew | None) -> dict[Path, str]:
+    """Read the bags that the cache does not have; the reasons for those that give no row."""
+    todo = [bag for bag, key in keys.items() if key not in cache.measured]
     failed: dict[Path, str] = {}
     for first in range(0, len(todo), _CACHE_EVERY):
         part = todo[first : first + _CACHE_EVERY]
@@ -169,17 +193,7 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
             else:
                 cache.measured[keys[bag]] = result
         cache.write(keys)
-    if not todo and cache.seen != before:
-        cache.write(keys)
-    measured = {bag: found for bag in bags if (found := cache.get(keys[bag], bag)) is not None}
-    by_id = _by_id({bag: row for bag, (row, _) in measured.items()})
-    # A table without edits is ignored: an earlier version may have measured it from the bags.
-    by_hand = {row.trial_id: row for row in own.rows()} if own and edited else {}
-    rows = [by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()]
-    setting = shared([recorded, *(own_setting for _, own_setting in measured.values())])
-    unread = (*(own.unread if own else ()), *_edits(rows, [row for row, _ in measured.values()]))
-    table = replace(from_rows(rows, *setting.for_table), unread=unread)
-    return Report(table, by_id, failed, len(bags) - len(todo), edited)
+    return failed
 
 
 def table_of(path: Path) -> Trials:
@@ -215,7 +229,10 @@ def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Rep
         return report
     cache = Cache.read(folder)
     keys = {bag: cache.key(bag) for bag in bags_in(folder)}
-    cache.tabled, cache.written = set(keys.values()), "" if report.edited else content_hash(path)
+    cache.tabled, cache.written = (
+        {keys[bag] for bag in report.bags.values()},
+        "" if report.edited else content_hash(path),
+    )
     cache.write(keys)
     return report
 
@@ -374,9 +391,14 @@ def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
 
 
 def _by_id(rows: Mapping[Path, Row]) -> dict[str, Path]:
+    """The bag of each trial id: of several with one id that of this name, else the first."""
     bags: dict[str, Path] = {}
     for bag, row in rows.items():
-        if row.trial_id in bags:
-            raise InputError(f"{bag}: trial id {row.trial_id!r} is also that of {bags[row.trial_id].name}")
-        bags[row.trial_id] = bag
+        if row.trial_id not in bags or files.base_name(bag) == row.trial_id:
+            bags[row.trial_id] = bag
     return bags
+
+
+def _same_id(bag: Path, row: Row, by_id: Mapping[str, Path]) -> str:
+    used = by_id[row.trial_id].name
+    return f"{bag}: trial id {row.trial_id!r} is also that of {used}, which is used; move one of them away"

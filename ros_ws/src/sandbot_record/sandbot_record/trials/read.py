@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import counted
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.copies import also_in, digits, mark_copies, measured
 from sandbot_record.trials.csv_table import NAMELESS
@@ -147,4 +148,11 @@ def _read_one(path: Path) -> Trials:
         return table_of(path)
     if is_bag(path):
         return trial_from_bag(path)
-    return campaign(path).trials
+    report = campaign(path)
+    return replace(report.trials, unread=(*report.trials.unread, *_skipped([*report.skipped.values()])))
+
+
+def _skipped(reasons: Sequence[str]) -> list[str]:
+    """A note on the bags that were skipped, with the reason for the first."""
+    more = f" (and {counted(len(reasons) - 1, 'more bag')}: see trackway table)" if len(reasons) > 1 else ""
+    return [f"skipped: {reasons[0]}{more}"] if reasons else []
