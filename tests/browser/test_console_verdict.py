@@ -48,7 +48,7 @@ class Watched:
     actions = ()
     look = None
 
-    def snapshot(self):
+    def snapshot(self, _page):
         plan = with_start(plan_of(PLAN, "plan"))
         queue = Queue(plan, ())
         queue.grow(plan_of({**PLAN, "extra_trials": [{"phi": 0.622, "omega_rad_s": 20, "because": WHY}]}, "plan"))

@@ -8,9 +8,12 @@ const number = (value, digits, unit = "", factor = 1) =>
 /** The console works on STOP for 3 s and waits 5 s for the response to any other call; a frozen one accepts a call but never responds. */
 const STOP_MS = 4000, CALL_MS = 7000;
 
+/** What this page starts ends with it, whoever else watches; a page that is loaded again is another one. */
+const PAGE = {"X-Trackway-Page": crypto.randomUUID()};
+
 async function post(path, patience, body) {
   // The time of the state this page acts on: a console that was frozen must not obey old requests.
-  const headers = {"X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
+  const headers = {...PAGE, "X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
   const signal = AbortSignal.timeout(patience);
   return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
 }
@@ -394,7 +397,7 @@ async function keepHearing() {
   for (;;) {
     const asked = performance.now();
     try {
-      const state = await (await fetch("state", {signal: AbortSignal.timeout(OLD_MS)})).json();
+      const state = await (await fetch("state", {headers: PAGE, signal: AbortSignal.timeout(OLD_MS)})).json();
       heard = asked;
       last = state;
       drawSafety(last);
