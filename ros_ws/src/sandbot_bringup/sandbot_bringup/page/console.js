@@ -207,8 +207,9 @@ function roomForNames(count) {
 const SIGN = {waiting: "○", running: "▶", done: "●", failed: "✕", skipped: "–"};
 const OFFER = {waiting: ["skip"], failed: ["repeat"], skipped: ["repeat"], done: ["repeat"], running: []};
 
-function drawQueue(queue) {
-  if (!changed("queue", queue)) return;
+/** ``gone``: there is no campaign any more that could obey. */
+function drawQueue(queue, gone) {
+  if (!changed("queue", [queue, gone])) return;
   const body = by("queue").tBodies[0], focus = document.activeElement?.dataset ?? {};
   const key = document.activeElement?.closest("#queue") ? `${focus.order} ${focus.trial}` : null;
   body.replaceChildren(...queue.flatMap(one => {
@@ -217,6 +218,7 @@ function drawQueue(queue) {
     for (const order of OFFER[one.state]) {
       const button = made("button", order);
       Object.assign(button.dataset, {order, trial: one.trial_id});
+      button.disabled = gone;
       button.setAttribute("aria-label", `${order} ${one.trial_id}`);
       if (order === "repeat" && one.state === "done") button.title = "one replicate more of this condition";
       offers.append(button);
@@ -253,7 +255,10 @@ function drawCampaign(campaign) {
   by("pause").disabled = gone || campaign.state !== "running";
   by("go").disabled = gone || !["held", "pausing"].includes(campaign.state);
   for (const field of by("add").elements) field.disabled = gone;
-  drawQueue(queue);
+  by("resume").textContent = ended && left + failed ? `to go on: trackway campaign ${campaign.folder}` : "";
+  // Nobody can say go to a campaign that has ended; what was seen of legs and air stays.
+  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until go$/, "");
+  drawQueue(queue, gone);
   drawVerdict(campaign.look);
 }
 
