@@ -119,7 +119,15 @@ class Beside:
         assert self.wait(condition, seconds), "waited in vain"
 
     def call(self, service: str) -> Any:
-        """The answer of a Trigger service."""
+        """The answer of a Trigger service, which is asked again if it says so, as after a stop."""
+        from sandbot_common.standstill import AGAIN
+
+        while (answer := self.call_once(service)).message.endswith(AGAIN):
+            self.wait(lambda: False, 0.2)
+        return answer
+
+    def call_once(self, service: str) -> Any:
+        """Its first answer."""
         from std_srvs.srv import Trigger
 
         from sandbot_common.ros.service import ask

@@ -24,7 +24,7 @@ class Slow:
     def __init__(self):
         self.state_s, self.over = 0.0, threading.Event()
 
-    def snapshot(self):
+    def snapshot(self, _page):
         made = Console({}).snapshot(time.monotonic())
         time.sleep(self.state_s)
         return made

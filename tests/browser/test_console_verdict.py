@@ -1,4 +1,4 @@
-"""The console of a campaign until a verdict: what is known, what is still possible, and why the next trial is run."""
+"""The console of a campaign: what is known, what is still possible, why the next trial is run; how to go on with it."""
 
 import json
 import time
@@ -6,6 +6,7 @@ import time
 import pytest
 from audit import accessible
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from sandbot_bringup.console import Console
@@ -35,6 +36,12 @@ LOOK = {
     ],
 }  # fmt: skip
 TRIAL = {"campaign": "thinking", "phi_target": 0.622, "omega_rad_s": 20.0}
+INKED = """
+const ink = document.createElement("i");
+ink.style.color = getComputedStyle(document.documentElement).getPropertyValue("--ink");
+const titles = [...document.querySelectorAll(".figure .xtitle")];
+return titles.length === 3 && titles.every((one) => one.style.fill === ink.style.color);
+"""
 LANDED = """
 const drawn = document.getElementById("curve").data ?? [];
 return drawn.filter((one) => one.x.length).map((one) => [one.name, one.y.map((v) => +v.toFixed(1))])
@@ -43,12 +50,13 @@ PLAN = {"name": "thinking", "phi": [0.58, 0.6, 0.622], "omega_rad_s": [8, 14, 20
 
 
 class Watched:
-    """A console whose campaign stands still; ``look`` is its last."""
+    """A console whose campaign stands still; ``look`` is its last, ``status`` what else it says."""
 
     actions = ()
-    look = None
+    look, status = None, {"state": "running", "stage": "walking"}
+    stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until go"
 
-    def snapshot(self):
+    def snapshot(self, _page):
         plan = with_start(plan_of(PLAN, "plan"))
         queue = Queue(plan, ())
         queue.grow(plan_of({**PLAN, "extra_trials": [{"phi": 0.622, "omega_rad_s": 20, "because": WHY}]}, "plan"))
@@ -56,7 +64,7 @@ class Watched:
         before = next(row for row in rows[:-1] if row["phi"] == TRIAL["phi_target"])
         before |= {"state": "done", "measured": {"phi": 0.6221, "speed_m_s": 0.178}}
         rows[-1]["state"] = "running"
-        status = {"campaign": "thinking", "state": "running", "stage": "walking", "queue": rows, "look": self.look}
+        status = {"campaign": "thinking", "folder": "runs/one", "queue": rows, "look": self.look, **self.status}
         made = Console({})
         made.set_trial(json.dumps({"trial_id": rows[-1]["trial_id"], **TRIAL}))
         made.set_campaign(json.dumps(status), time.monotonic())
@@ -65,7 +73,10 @@ class Watched:
     def picture(self, _camera):
         return None
 
-    stop = acknowledge = order = call = None
+    def stop(self):
+        return self.stopped
+
+    acknowledge = order = call = None
 
 
 @pytest.fixture
@@ -118,3 +129,48 @@ def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):
     source.open()
     WebDriverWait(browser, PATIENCE_S).until(lambda _: "thinking" in shown(browser, "campaign-name"))
     assert not browser.find_element(By.ID, "verdict-box").is_displayed()
+
+
+def test_a_campaign_that_was_stopped_and_has_ended_offers_nothing_that_nobody_would_obey(watched):
+    """It said "held until go" beside a grey Go and eight live buttons, and not how to go on."""
+    source, browser = watched
+
+    def live():
+        return {one.text for one in browser.find_elements(By.CSS_SELECTOR, "#queue button:not(:disabled)")}
+
+    source.open()
+    wait = WebDriverWait(browser, PATIENCE_S)
+    wait.until(lambda _: "walking" in shown(browser, "campaign-state"))
+    assert (live(), shown(browser, "resume")) == ({"skip", "repeat"}, "")
+    browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
+    wait.until(lambda _: shown(browser, "said").endswith("; the campaign is held until go"))
+    source.status = {"state": "ended", "why": "interrupted"}
+    wait.until(lambda _: "has ended: interrupted" in shown(browser, "campaign-state"))
+    wait.until(lambda _: not live())
+    assert shown(browser, "said") == "STOP: legs at rest after 0.02 s; air off"
+    assert shown(browser, "resume") == "to go on: trackway campaign runs/one"
+    accessible(browser)
+
+
+def test_a_stop_that_failed_stays_on_the_page_of_a_campaign_that_has_ended(watched):
+    source, browser = watched
+    source.stopped = False, "legs move; air off; the campaign DOES NOT ANSWER"
+    source.open()
+    wait = WebDriverWait(browser, PATIENCE_S)
+    wait.until(lambda _: "walking" in shown(browser, "campaign-state"))
+    browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
+    wait.until(lambda _: "NOT SEEN TO BE AT REST" in shown(browser, "said"))
+    source.status = {"state": "ended", "why": "interrupted"}
+    wait.until(lambda _: "to go on" in shown(browser, "resume"))
+    assert shown(browser, "said").endswith("legs move; air off; the campaign DOES NOT ANSWER")
+
+
+@pytest.mark.parametrize("state", ["running", "ended"])
+def test_figures_follow_the_reader_s_colours(watched, state):
+    source, browser = watched
+    source.status = {"state": state, "why": ""}
+    source.open()
+    for scheme in ("dark", "light"):
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        WebDriverWait(browser, PATIENCE_S).until(lambda _: browser.execute_script(INKED))

@@ -14,6 +14,7 @@ from sandbot_common import messages, topics
 from sandbot_common.ros import endpoints
 from sandbot_common.ros.ros_health import SETTLE_S
 from sandbot_common.ros.timer import end_timers
+from sandbot_common.standstill import BEGUN
 
 pytestmark = pytest.mark.ros
 FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
@@ -166,7 +167,7 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
     told, health = here._hardware._driver.told, here._health
     here._step()
     answer = here._on_prepare(None, Trigger.Response())
-    assert (answer.success, answer.message) == (False, "this bed has only just begun; ask again in a second")
+    assert (answer.success, answer.message) == (False, BEGUN)
     here.close()  # its launch ends, because another of its nodes has been refused
     health.publish()  # its loop turns
     health._turned_s -= SETTLE_S

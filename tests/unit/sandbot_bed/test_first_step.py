@@ -8,7 +8,7 @@ import pytest
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_bed.protocol import PulseProtocol
-from sandbot_common.standstill import Standstill
+from sandbot_common.standstill import AWAKE_S, STOPPED, Standstill
 
 TRIGGER = SimpleNamespace(success=None, message="")
 
@@ -33,7 +33,7 @@ def bed(monkeypatch):
     one._settings = one._command = one._rivals = one._phi = one._status = one._health = one._hardware = Silent()
     one._protocol, one._air_stops, one._reported = PulseProtocol(BedParameters()), {}, ""
     one._legs_moved_s = one._status_s = -float("inf")
-    one._step_s, one._standstill = time.monotonic() - 10.0, Standstill()
+    one._step_s, one._standstill = time.monotonic() - 10.0, Standstill(time.monotonic())
     monkeypatch.setattr(BedNode, "_on_new_stage", lambda _, command: stages.append((command.stage, command.reason)))
     monkeypatch.setattr(BedNode, "get_clock", lambda _: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1)))
     return one, stages
@@ -61,3 +61,14 @@ def test_what_was_asked_of_a_frozen_bed_blows_no_air_when_it_thaws(bed):
     one._standstill = SimpleNamespace(refusal=lambda now_s: "held up")
     answer = one._on_prepare(None, TRIGGER)
     assert (answer.success, answer.message, stages) == (False, "held up", [])
+
+
+def test_an_abort_outlives_a_preparation_that_was_asked_for_before_it_and_no_later_one(bed):
+    """Two people at two consoles: one's Prepare waited for its lease when the other pressed STOP."""
+    one, stages = bed
+    assert one._on_abort(None, SimpleNamespace()).success
+    stages.clear()
+    answer = one._on_prepare(None, TRIGGER)
+    assert (answer.success, answer.message, stages) == (False, STOPPED, [])
+    one._standstill = Standstill(time.monotonic(), time.monotonic() - AWAKE_S, STOPPED)
+    assert one._on_prepare(None, TRIGGER).success

@@ -213,24 +213,29 @@ class Fake:
     actions = ("go", "prepare", "halt")
 
     def __init__(self):
-        self.called, self.now_s = [], 1.0
+        self.called, self.pages, self.now_s = [], [], 1.0
 
-    def snapshot(self):
+    def snapshot(self, page):
+        self.pages.append(page)
         return {"a": 1}
 
     def picture(self, camera):
         return b"jpeg" if camera == "dorsal" else None
 
     def stop(self):
-        return self.call("stop")
+        return self._done("stop")
 
     def acknowledge(self):
-        return self.call("acknowledge")
+        return self._done("acknowledge")
 
     def order(self, what):
-        return self.call(what)
+        return self._done(what)
 
-    def call(self, what):
+    def call(self, what, page):
+        self.pages.append(page)
+        return self._done(what)
+
+    def _done(self, what):
         self.called.append(what)
         return True, "done"
 
@@ -268,6 +273,13 @@ def test_what_the_operator_asks_for_is_done(client, fake):
     order = {"do": "skip", "trial_id": "a"}
     assert client.post("/order", headers=OWN, json=order).json["success"]
     assert fake.called == ["stop", "acknowledge", "go", "prepare", order]
+
+
+def test_a_page_is_known_by_its_own_name(client, fake):
+    client.get("/state", headers={"X-Trackway-Page": "a"})
+    client.post("/call/prepare", headers={"X-Trackway-Page": "b", **OWN})
+    client.get("/state")
+    assert fake.pages == ["a", "b", ""]
 
 
 def test_what_was_asked_long_ago_starts_nothing_and_ends_all_the_same(client, fake):

@@ -339,4 +339,4 @@ def test_who_interrupts_a_campaign_is_told_how_to_go_on(tmp_path, capsys, is_bat
     folder.adopt(PLAN, {})
     if is_batch:
         seal(folder, null_world())
-    assert interrupted(folder).startswith(f"to go on: campaign {tmp_path / said}")
+    assert interrupted(folder).startswith(f"to go on: trackway campaign {tmp_path / said}")

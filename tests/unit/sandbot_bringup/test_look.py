@@ -78,3 +78,17 @@ def test_the_bar_counts_a_failed_trial_as_not_done(tmp_path, failing):
     while one._run_next(bar):
         pass
     assert (bar.n, bar.total) == (4 - len(failing), 4)
+
+
+@pytest.mark.parametrize(("finished", "drawn"), [(0, "0/4"), (4, "")])
+def test_the_bar_is_of_the_trials_that_wait_and_there_is_none_of_none(capsys, finished, drawn):
+    """A line "campaign: 0trial [00:00, ?trial/s]" stood in the log of every campaign."""
+    plan = replace(PLAN, until="", budget=0, extra_trials=(), replicates=1)
+    one = object.__new__(_Campaign)
+    one.queue, one._desk = Queue(plan, [trial.trial_id for trial in trials_of(plan)][:finished]), Silent()
+    one._run_next = lambda bar: False
+    one.run_all()
+    said = capsys.readouterr().err
+    assert drawn in said
+    assert bool(said) is bool(drawn)
+    assert "0trial" not in said

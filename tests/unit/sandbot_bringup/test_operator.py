@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -11,8 +12,9 @@ import rclpy
 
 from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup import folder as folders
-from sandbot_bringup.endings import Held, TrialFailed
+from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.hold import Hold
 from sandbot_bringup.nodes import orders_node
 from sandbot_bringup.nodes.campaign_node import Operator, keep_complete
 from sandbot_bringup.nodes.hearing_node import NodeStatus
@@ -20,7 +22,7 @@ from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.ros.timer import end_timers
-from sandbot_common.standstill import AWAKE_S, OLD
+from sandbot_common.standstill import AWAKE_S, BEGUN, OLD, STOPPED
 from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -39,7 +41,7 @@ class Orders:
     def __init__(self, refused=""):
         self.asked, self.refused, self.values = [], refused, {}
 
-    def call(self, name, begun=None):
+    def call(self, name, begun=None, since_s=None):
         self.asked.append(name)
         if name == self.refused:
             raise TrialFailed(f"{name} refused: the clock is running; call /clock/stop first")
@@ -69,7 +71,7 @@ def operator(refused="", plan=PLAN):
     one = object.__new__(Operator)
     one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
     one._bed, one._found = plan.bed_protocol, {}
-    one._lease, one._commanding = None, False
+    one._lease, one._commanding, one._begun_s = None, False, 0.0
     one._health = SimpleNamespace(held_up_s=0.0, refused="")
     one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
@@ -105,7 +107,7 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
     """Whoever has not got the answer asks again only for what has not begun."""
     one, begun = operator(), {}
     one.desk, one._stopped_by_hand = SimpleNamespace(enter=lambda _: None), lambda _: None
-    one._orders.call = lambda name, word=None: begun.update({name: word})
+    one._orders.call = lambda name, word=None, *_: begun.update({name: word})
     one._wait = lambda *_: False
     one._hearing = SimpleNamespace(
         statuses=Hearing.statuses,
@@ -168,13 +170,44 @@ def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
     assert said[-1] == "campaign nothing"
 
 
-def test_who_was_held_up_until_just_now_is_asked_again():
+def asked(said, since_s):
+    """How long /clock/start is waited for that answers ``said`` one after the other; of a trial begun at 100 s."""
     one, waited = object.__new__(orders_node.Orders), []
-    answers = iter([SimpleNamespace(success=False, message=OLD), SimpleNamespace(success=True, message="running")])
+    answers = iter([SimpleNamespace(success=message == "running", message=message) for message in said])
     one._triggers, one._ask = {"/clock/start": None}, lambda *_: next(answers)
     one._wait = lambda _, seconds: waited.append(seconds)
-    one.call("/clock/start")
-    assert waited == [AWAKE_S]
+    one.call("/clock/start", since_s=since_s)
+    return waited
+
+
+@pytest.mark.parametrize("why", [OLD, BEGUN])
+def test_who_was_held_up_until_just_now_is_asked_again(why):
+    assert asked([why, "running"], time.monotonic()) == [AWAKE_S]
+
+
+def test_a_stop_before_the_trial_is_waited_for_and_a_later_one_holds():
+    """The end of the last trial, or a person before Go, are no reason to end this one."""
+    (waited_s,) = asked([STOPPED, "running"], time.monotonic() - 2.0)
+    assert waited_s == pytest.approx(AWAKE_S - 2.0, abs=1.0)
+    with pytest.raises(StoppedByHand, match="stopped by hand before /clock/start"):
+        asked([STOPPED, STOPPED], time.monotonic() - 60.0)
+
+
+def test_legs_that_were_stopped_by_hand_before_they_began_hold_the_campaign():
+    one = operator()
+    one.hold, one._allowed, one._commanding, one._lease = Hold(), "nothing", False, None
+    one.desk, one._spin_until = SimpleNamespace(attended=True), lambda *_: False
+
+    def stopped(*_):
+        raise StoppedByHand("stopped by hand before /clock/start")
+
+    one._orders.call = stopped
+    with pytest.raises(Held, match="stopped by hand before /clock/start"):
+        one._start("legs", "/clock/start", lambda: False)
+    assert one.hold.state == "stopping"
+    one.hold, one.desk.attended = Hold(), False
+    with pytest.raises(CampaignEnds):
+        one._start("legs", "/clock/start", lambda: False)
 
 
 @pytest.mark.parametrize("held_s", [0.0, 41.0])

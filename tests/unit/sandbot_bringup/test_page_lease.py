@@ -10,7 +10,7 @@ import pytest
 from sandbot_bringup.console import Console
 from sandbot_bringup.nodes import console_node, page_lease_node
 from sandbot_bringup.nodes.console_node import ACTIONS, STOP, ConsoleNode
-from sandbot_bringup.nodes.page_lease_node import PageLease
+from sandbot_bringup.nodes.page_lease_node import PRESENT_S, PageLease
 
 
 class Graph:
@@ -55,11 +55,28 @@ def graph(monkeypatch):
     return one
 
 
-def test_what_the_page_starts_is_leased_until_it_is_over_or_nobody_looks_on(graph):
+def started(graph, *pages):
+    """Each page has started something, or said that it is to run, and clock and bed have had time to tell."""
+    for page in pages:
+        with graph.lease.taken():
+            graph.lease.hold(page)
+    graph.lease._until_s = 0.0
+
+
+def later(graph, *seen):
+    """As the loop turns, more than 2 s later, all pages but ``seen`` have been closed."""
+    graph.lease._holders = {page: at_s - PRESENT_S for page, at_s in graph.lease._holders.items()}
+    for page in seen:
+        graph.lease.seen(page)
+    graph.turn()
+
+
+def test_what_a_page_starts_is_leased_until_it_is_over(graph):
     graph.turn()
     assert not graph.offered  # a person at a terminal, or a campaign, may command
     with graph.lease.taken():
         assert graph.renewals == 1  # heard of before clock or bed are asked
+        graph.lease.hold("a")
     graph.lease._until_s = 0.0  # they have had time to tell
     graph.turn()
     assert graph.renewals == 2
@@ -68,6 +85,45 @@ def test_what_the_page_starts_is_leased_until_it_is_over_or_nobody_looks_on(grap
     assert (graph.renewals, graph.offered) == (2, False)
     graph.goes_on = True  # by another's hand
     graph.turn()
+    assert not graph.offered
+
+
+def test_it_ends_with_the_page_that_started_it_whoever_else_looks_on(graph):
+    started(graph, "a")
+    later(graph, "a", "b")
+    assert graph.offered
+    later(graph, "b")
+    assert not graph.offered
+    later(graph, "a", "b")  # a laptop that was closed for a moment starts nothing again
+    assert not graph.offered
+    started(graph, "b")
+    later(graph, "b")
+    assert graph.offered
+
+
+def test_it_ends_with_the_first_of_two_pages_that_wanted_it(graph):
+    started(graph, "a", "b")
+    later(graph, "a", "b")
+    assert graph.offered
+    later(graph, "b")
+    assert not graph.offered
+
+
+def test_who_is_refused_keeps_nothing_going_and_ends_nothing(graph):
+    started(graph, "a")
+    with graph.lease.taken():
+        pass  # b was refused
+    graph.lease._until_s = 0.0
+    later(graph, "a")
+    assert graph.offered
+    with graph.lease.taken():
+        later(graph)  # not even while it asks
+        assert not graph.offered
+
+
+def test_requests_without_a_name_are_no_page(graph):
+    started(graph, "")
+    later(graph, "")
     assert not graph.offered
 
 
@@ -92,33 +148,34 @@ def test_a_campaign_that_commands_is_not_made_one_of_two(graph):
 
 
 @pytest.mark.parametrize(
-    ("node", "said", "page_s", "goes_on"),
+    ("node", "said", "goes_on"),
     [
-        ("clock", {"running": "True"}, 0.5, True),
-        ("clock", {"running": "False"}, 0.5, False),
-        ("clock", {"running": "True"}, 5.0, False),
-        ("bed", {"stage": "pulse"}, 0.5, True),
-        ("bed", {"stage": "ready"}, 0.5, False),
+        ("clock", {"running": "True"}, True),
+        ("clock", {"running": "False"}, False),
+        ("bed", {"stage": "pulse"}, True),
+        ("bed", {"stage": "ready"}, False),
     ],
 )
-def test_it_goes_on_while_a_page_looks_on_and_clock_or_bed_are_at_it(node, said, page_s, goes_on):
+def test_it_goes_on_while_clock_or_bed_are_at_it(node, said, goes_on):
     one = object.__new__(ConsoleNode)
-    one._lock, one._state, one._watched_s = threading.Lock(), Console({}), time.monotonic() - page_s
+    one._lock, one._state = threading.Lock(), Console({})
     one._state.set_node(node, 0, "ok", said, time.monotonic())
-    assert one._lease_needed() is goes_on
+    assert one._under_way() is goes_on
 
 
-def test_only_what_moves_or_blows_is_called_under_it():
-    one, held = object.__new__(ConsoleNode), []
-    one._lease = SimpleNamespace(taken=lambda: held.append("taken") or nullcontext())
+def test_only_what_moves_or_blows_is_called_under_it_and_held_by_the_page_that_asked():
+    one, held, refused = object.__new__(ConsoleNode), [], "/bed/prepare"
+    one._lease = SimpleNamespace(taken=lambda: held.append("taken") or nullcontext(), hold=held.append)
     one._lock, one._stops = threading.Lock(), 0
-    one._call = lambda action, service, _: held.append(service)
+    one._call = lambda action, service, _: (held.append(service) or service != refused, "")
     for action in ("start", "halt", "prepare"):
-        one.call(action)
-    assert held == ["taken", "/clock/start", "/clock/stop", "taken", "/bed/prepare"]
+        one.call(action, "a")
+    assert held == ["taken", "/clock/start", "a", "/clock/stop", "taken", "/bed/prepare"]
 
 
-@pytest.mark.parametrize("pressed", [ConsoleNode.stop, lambda one: one.call("halt"), lambda one: one.call("abort")])
+@pytest.mark.parametrize(
+    "pressed", [ConsoleNode.stop, lambda one: one.call("halt", "b"), lambda one: one.call("abort", "b")]
+)
 def test_what_was_stopped_while_it_waited_for_its_lease_is_not_started(pressed, monkeypatch):
     monkeypatch.setattr(console_node, "STOP_S", 0.0)  # its answers are not waited for
     one, called = object.__new__(ConsoleNode), []
@@ -135,9 +192,10 @@ def test_what_was_stopped_while_it_waited_for_its_lease_is_not_started(pressed, 
         return SimpleNamespace(service_is_ready=lambda: True, call_async=lambda _: called.append(name) or future)
 
     one._triggers = {name: trigger(name) for name in {*ACTIONS.values(), *STOP.values()}}
-    one._lock, one._stops, one._state, one._lease = threading.Lock(), 0, Console({}), SimpleNamespace(taken=taken)
-    assert one.call("start") == (False, "stopped meanwhile")
+    one._lock, one._stops, one._state = threading.Lock(), 0, Console({})
+    one._lease = SimpleNamespace(taken=taken, hold=lambda _: None)
+    assert one.call("start", "a") == (False, "stopped meanwhile")
     assert "/clock/start" not in called
     one._lease.taken = nullcontext
-    one.call("start")
+    one.call("start", "a")
     assert "/clock/start" in called

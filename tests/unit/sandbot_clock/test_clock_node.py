@@ -19,6 +19,7 @@ from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
 from sandbot_common.ros import endpoints
+from sandbot_common.standstill import AWAKE_S, STOPPED, Standstill
 
 pytestmark = pytest.mark.ros
 
@@ -40,6 +41,21 @@ def test_what_was_asked_of_a_frozen_clock_moves_no_leg_when_it_thaws():
     one._standstill = SimpleNamespace(refusal=lambda now_s: "held up")
     one.start = lambda: pytest.fail("legs move")
     assert one._on_start(None, SimpleNamespace()) == SimpleNamespace(success=False, message="held up")
+
+
+def test_a_stop_outlives_a_start_that_was_asked_for_before_it_and_no_later_one():
+    """Two people at two consoles: one's Start waited for its lease when the other pressed STOP."""
+    one, started, cancelled = object.__new__(ClockNode), [], []
+    one._running, one._settings = False, SimpleNamespace(current=ClockParameters())
+    one._thread, one._standstill = None, Standstill(time.monotonic())
+    one._autostart = SimpleNamespace(cancel=lambda: cancelled.append(True))
+    one.start = lambda: started.append(True) or ""
+    assert one._on_stop(None, SimpleNamespace()).message == "was not running"
+    assert one._on_start(None, SimpleNamespace()) == SimpleNamespace(success=False, message=STOPPED)
+    assert (started, cancelled) == ([], [True])
+    one._standstill = Standstill(time.monotonic(), time.monotonic() - AWAKE_S, STOPPED)
+    assert one._on_start(None, SimpleNamespace()).success
+    assert started == [True]
 
 
 def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):

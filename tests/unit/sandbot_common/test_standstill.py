@@ -1,18 +1,19 @@
-from sandbot_common.standstill import AWAKE_S, LIMIT_S, Standstill
+import pytest
+
+from sandbot_common.standstill import AGAIN, AWAKE_S, BEGUN, LIMIT_S, STOPPED, Standstill
 
 THAWED_S = 100.0 + LIMIT_S + 1.0
 
 
 def turning():
-    """A loop that has turned from 99 to 100 s."""
+    """A loop that has turned from 90 to 100 s."""
     loop = Standstill()
-    for tenth in range(990, 1001):
+    for tenth in range(900, 1001):
         loop.turn(tenth / 10)
     return loop
 
 
 def test_a_loop_that_turns_obeys():
-    assert Standstill().refusal(5.0) == ""
     assert turning().refusal(100.1) == ""
     assert turning().refusal(100.0 + LIMIT_S) == ""
 
@@ -23,6 +24,27 @@ def test_what_comes_first_after_a_standstill_is_not_obeyed_whether_the_timer_cam
     loop.turn(THAWED_S)
     loop.turn(THAWED_S + 0.1)
     assert "old request" in loop.refusal(THAWED_S + 0.1)
+
+
+@pytest.mark.parametrize("first", [Standstill.turn, Standstill.refusal])
+def test_what_was_meant_for_the_process_before_it_starts_nothing(first):
+    """A clock that was stopped, and started anew, met a start that had waited for it."""
+    loop = Standstill()
+    first(loop, 100.0)
+    assert loop.refusal(100.1) == BEGUN
+    for second in range(101, 106):
+        loop.turn(second)
+    assert loop.refusal(100.1 + AWAKE_S) == ""
+
+
+def test_a_stop_outlives_what_was_asked_before_it_and_no_longer():
+    loop = turning()
+    loop.stop(100.5)
+    loop.stop(101.0)
+    assert BEGUN.endswith(AGAIN)
+    for second in range(101, 106):
+        assert loop.refusal(second) == STOPPED
+    assert loop.refusal(101.1 + AWAKE_S) == ""
 
 
 def test_who_asks_again_is_obeyed():

@@ -2,7 +2,8 @@
 
 Loopback only, and it obeys only its own page: the Host must be this host (against DNS rebinding), and a header is
 required that another site's page can't send. The header holds the time of the state on which the page acts, so that a
-request delayed by a frozen process or page starts nothing.
+request delayed by a frozen process or page starts nothing. Another header names the page by a random number, so that
+legs and air end with the page that started them; what has no such name is never open.
 """
 
 import json
@@ -23,7 +24,7 @@ from sandbot_common.errors import InputError
 HOST = "127.0.0.1"
 OLD_S = 2.0
 """A request for motion or air must be based on a state of the trackway no older than this."""
-_OWN_HEADER = "X-Trackway"
+_OWN_HEADER, _PAGE_HEADER = "X-Trackway", "X-Trackway-Page"
 AT_ONCE = ("abort", "halt", "pause")
 """Actions that end something are carried out however late."""
 
@@ -34,8 +35,8 @@ class Source(Protocol):
     actions: Collection[str]
     """The actions that ``call`` accepts."""
 
-    def snapshot(self) -> Mapping[str, Any]:
-        """The state to draw."""
+    def snapshot(self, page: str) -> Mapping[str, Any]:
+        """The state to draw, for the page of that name; empty if it has none."""
 
     def picture(self, camera: str) -> bytes | None:
         """The latest JPEG of a camera, None before the first."""
@@ -43,8 +44,8 @@ class Source(Protocol):
     def stop(self) -> tuple[bool, str]:
         """End motion and air and hold the campaign: whether all is at rest, and what was seen."""
 
-    def call(self, action: str) -> tuple[bool, str]:
-        """Carry out one of ``actions``: success and message."""
+    def call(self, action: str, page: str) -> tuple[bool, str]:
+        """Carry out one of ``actions`` for a page: success and message."""
 
     def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
         """Change the campaign's queue: success and message."""
@@ -94,7 +95,7 @@ def _show(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
 
     @page.get("/state")
     def state() -> Response:
-        content = json.dumps({**source.snapshot(), "at_s": now_s()}, allow_nan=False)
+        content = json.dumps({**source.snapshot(_name()), "at_s": now_s()}, allow_nan=False)
         return Response(content, mimetype="application/json", headers={"Cache-Control": "no-store"})
 
     @page.get("/camera/<camera>.jpg")
@@ -123,7 +124,7 @@ def _obey(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
             abort(404)
         if action not in AT_ONCE and (refusal := late()):
             return _answer((False, refusal))
-        return _answer(source.call(action))
+        return _answer(source.call(action, _name()))
 
     @page.post("/order")
     def order() -> Response:
@@ -133,6 +134,10 @@ def _obey(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
         if refusal := late():
             return _answer((False, refusal))
         return _answer(source.order(what))
+
+
+def _name() -> str:
+    return request.headers.get(_PAGE_HEADER, "")
 
 
 def _answer(result: tuple[bool, str]) -> Response:

@@ -11,5 +11,9 @@ class Held(RuntimeError):
     """The trial under way was stopped by a person; it is neither ok nor failed, and will be run again."""
 
 
+class StoppedByHand(RuntimeError):
+    """Somebody stopped legs or air of the trial under way before they had begun."""
+
+
 class CampaignEnds(InputError):
     """Nothing more can be run, or somebody stopped it by hand; what was finished is kept."""

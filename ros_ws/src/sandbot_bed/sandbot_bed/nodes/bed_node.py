@@ -1,7 +1,8 @@
 """The bed node: runs the pulse protocol against the blower and the height sensor.
 
 /bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status reports its progress and
-/bed/volume_fraction (latched) its result. /bed/abort turns the air off, and so does the end of the node.
+/bed/volume_fraction (latched) its result. /bed/abort turns the air off, and so does the end of the node; for 5 s after
+it none is prepared, as the request may be older than the abort (``standstill``).
 
 Interlock: a preparation is refused while legs are commanded to move or report that they do, and fails if they begin to;
 a silent or absent robot does not prevent one. It fails, too, if its commander (a campaign) does not renew
@@ -202,8 +203,7 @@ class BedNode(Node):
             response.success = False
             response.message = f"legs move ({self._motion_topic}); call /clock/stop first"
             return response
-        just_begun = "" if self._health.settled else "this bed has only just begun; ask again in a second"
-        refusal = just_begun or self._standstill.refusal(time.monotonic()) or self._rivals.fault()
+        refusal = self._standstill.refusal(time.monotonic()) or self._rivals.fault()
         if reason := refusal or self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response
@@ -221,6 +221,7 @@ class BedNode(Node):
 
     def _on_abort(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         busy = self._protocol.command.stage.busy
+        self._standstill.stop(time.monotonic())
         self._obey(self._protocol.abort("aborted by /bed/abort"))
         done, rivals = "aborted" if busy else "nothing to abort", self._rivals.fault()
         response.success, response.message = not rivals, f"{done}, but {rivals}" if rivals else f"{done}, air off"

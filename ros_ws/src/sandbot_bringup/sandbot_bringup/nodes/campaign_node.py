@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from sandbot_bed.protocol import ProtocolParameters, Stage
-from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
+from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.nodes.desk_node import Desk
@@ -133,7 +133,7 @@ class Operator(Node):
         self._trial = publisher(self, topics.TRIAL)
         self._lease: Publisher | None = None
         self._commanding, self._renewed_s, self._allowed = False, -math.inf, NOTHING
-        self._running = ""
+        self._running, self._begun_s = "", -math.inf
         self._recorder: RecorderProcess | None = None
         self._hearing = Hearing(self, silence_s, RENEW_S)
         self._orders = Orders(self, self._wait)
@@ -171,7 +171,7 @@ class Operator(Node):
         self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
         self._gate.before_trial(self._bed, folder)
-        self._running = trial.trial_id
+        self._running, self._begun_s = trial.trial_id, time.monotonic()
         self._set_up(trial)
         # Judging the bag takes a second of CPU and needs no lease.
         with real_time(PRIORITY):
@@ -272,8 +272,7 @@ class Operator(Node):
         self.desk.enter("preparing the bed")
         bed = self._hearing
         asked = Preparation(bed.bed_preparation)
-        with self._allowing(AIR):
-            self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
+        self._start(AIR, "/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
         done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage), BED_S)
         if bed.bed_stage == Stage.IDLE:
             self._stopped_by_hand(bed.bed_text)
@@ -287,8 +286,7 @@ class Operator(Node):
         # Once more: somebody may have set another ω while the bed was prepared, but the row will have the plan's.
         self._set_gait(trial)
         legs.may_move = True
-        with self._allowing(LEGS):
-            self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
+        self._start(LEGS, "/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             moved = "no leg moved" if legs.reports_legs else "whether a leg moved is not known: nothing is heard"
             raise TrialFailed(f"the clock was started but {moved} ({topics.LEG_STATES.name})")
@@ -310,6 +308,14 @@ class Operator(Node):
         self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
         if fault := camera_fault(before, self._hearing.statuses["tracker"].values):
             raise TrialFailed(fault)
+
+    def _start(self, what: str, service: str, begun: Callable[[], bool]) -> None:
+        """Have legs or air begin, unless somebody has stopped them since this trial began."""
+        try:
+            with self._allowing(what):
+                self._orders.call(service, begun, self._begun_s)
+        except StoppedByHand as error:
+            self._stopped_by_hand(str(error))
 
     @contextmanager
     def _allowing(self, what: str) -> Iterator[None]:

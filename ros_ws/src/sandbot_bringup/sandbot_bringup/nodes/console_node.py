@@ -5,12 +5,10 @@ must show the present.
 """
 
 import json
-import math
 import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from datetime import UTC, datetime
 from typing import Any
 
@@ -21,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from sandbot_bringup.console import Console, Throttle
-from sandbot_bringup.console_page import HOST, OLD_S, serve
+from sandbot_bringup.console_page import HOST, serve
 from sandbot_bringup.console_parameters import ConsoleParameters
 from sandbot_bringup.marks import SEEN_BY, Drawn, MarkedView
 from sandbot_bringup.nodes.page_lease_node import PageLease
@@ -43,7 +41,7 @@ ACTIONS: Mapping[str, str] = {
 }
 """What the page's buttons call: std_srvs/Trigger services."""
 LEASED = ("prepare", "start")
-"""Actions whose effect lasts only while the console is alive and a page is open."""
+"""Actions whose effect lasts only while the console is alive and the page that asked is open."""
 ENDS_LEASED = ("abort", "halt")
 """Actions that end what is leased, as STOP does."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
@@ -99,7 +97,7 @@ class ConsoleNode(Node):
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = endpoints.publisher(self, topics.CAMPAIGN_COMMAND)
-        self._lease, self._watched_s = PageLease(self, self._lease_needed), -math.inf
+        self._lease = PageLease(self, self._under_way)
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port)
         for topic in SHOWN:
@@ -107,9 +105,9 @@ class ConsoleNode(Node):
             self.create_subscription(kind, topic.relative, self._listener(topic), delivery(topic), raw=True)
         self.get_logger().info(f"console: http://{HOST}:{self._server.port}/")
 
-    def snapshot(self) -> Mapping[str, Any]:
-        """What the page draws (called from the server's threads)."""
-        self._watched_s = time.monotonic()
+    def snapshot(self, page: str) -> Mapping[str, Any]:
+        """What a page draws (called from the server's threads)."""
+        self._lease.seen(page)
         with self._lock:
             return {**self._state.snapshot(time.monotonic()), "explorer_port": self._settings.explorer_port}
 
@@ -117,13 +115,18 @@ class ConsoleNode(Node):
         """The latest JPEG of a camera."""
         return self._pictures.get(camera)
 
-    def call(self, action: str) -> tuple[bool, str]:
+    def call(self, action: str, page: str) -> tuple[bool, str]:
         """Call the service of an action and wait for its response (called from the server's threads)."""
         with self._lock:
             self._stops += action in ENDS_LEASED
             stops = self._stops
-        with self._lease.taken() if action in LEASED else nullcontext():
+        if action not in LEASED:
             return self._call(action, ACTIONS[action], stops)
+        with self._lease.taken():
+            success, message = self._call(action, ACTIONS[action], stops)
+            if success:
+                self._lease.hold(page)
+        return success, message
 
     def _call(self, action: str, service: str, stops: int) -> tuple[bool, str]:
         client = self._triggers[service]
@@ -184,11 +187,10 @@ class ConsoleNode(Node):
         self._closing.set()
         self._server.shutdown()
 
-    def _lease_needed(self) -> bool:
-        """Whether legs or air are being commanded, and a page is open."""
-        now_s = time.monotonic()
+    def _under_way(self) -> bool:
+        """Whether legs or air are being commanded."""
         with self._lock:
-            return now_s - self._watched_s <= OLD_S and self._state.under_way(now_s)
+            return self._state.under_way(time.monotonic())
 
     def _what_stopped(self, begun_s: float) -> str:
         now_s = time.monotonic()

@@ -27,6 +27,7 @@ class HoldServices:
             node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
 
     def _stop(self) -> tuple[bool, str]:
+        self._standstill.stop(time.monotonic())
         return True, self._apply("hold", lambda: self.hold.stop("stopped by the operator"))
 
     def _pause(self) -> tuple[bool, str]:

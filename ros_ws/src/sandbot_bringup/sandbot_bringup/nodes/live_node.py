@@ -118,7 +118,9 @@ class _Campaign:
     def run_all(self) -> None:
         """Run until nothing waits. However it ends, the journal records it."""
         reason = "interrupted"
-        bar: Any = tqdm(unit="trial", desc="campaign", delay=1.0)
+        # Without a total a bar would be drawn of no trials at all.
+        waiting = self.queue.waiting
+        bar: Any = tqdm(total=waiting, unit="trial", desc="campaign", disable=not (waiting or self.queue.plan.until))
         try:
             with bar:
                 while self._run_next(bar) or self._look(bar):

@@ -1,5 +1,7 @@
 """A campaign's calls to the nodes' services and parameters. A refused order fails the trial."""
 
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,10 +12,10 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from sandbot_bringup.endings import TrialFailed
+from sandbot_bringup.endings import StoppedByHand, TrialFailed
 from sandbot_common import topics
 from sandbot_common.ros.service import ask
-from sandbot_common.standstill import AWAKE_S, OLD
+from sandbot_common.standstill import AGAIN, AWAKE_S, STOPPED
 
 CALL_S = 10.0
 _TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
@@ -40,12 +42,19 @@ class Orders:
         """Whether anybody offers the service."""
         return bool(self._triggers[name].service_is_ready())
 
-    def call(self, name: str, begun: Callable[[], bool] = lambda: False) -> None:
-        """Call a service that must succeed, or raise TrialFailed. ``begun``: whether its effect has been observed."""
+    def call(self, name: str, begun: Callable[[], bool] = lambda: False, since_s: float = math.inf) -> None:
+        """Call a service that must succeed, or raise TrialFailed. ``begun``: whether its effect has been observed.
+
+        ``since_s``: when the trial began [s, monotonic]. A stop before it does not count, and is waited for until it is
+        over; raises StoppedByHand after a later one.
+        """
         answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
-        if answer and answer.message == OLD:
-            self._wait(lambda: False, AWAKE_S)
+        if answer and answer.message.endswith(AGAIN):
+            again_s = since_s + AWAKE_S if answer.message == STOPPED else math.inf
+            self._wait(lambda: False, min(AWAKE_S, max(again_s - time.monotonic(), 0.0)))
             answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
+        if answer and answer.message == STOPPED:
+            raise StoppedByHand(f"stopped by hand before {name}")
         if answer and not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
 

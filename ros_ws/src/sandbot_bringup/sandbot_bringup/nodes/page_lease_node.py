@@ -1,7 +1,7 @@
-"""The lease for what is started from the page: legs and air stop if the console dies or freezes, or no page is open.
+"""The lease for what is started from a page: legs and air stop if the console dies or freezes, or that page is closed.
 
 A person at a terminal commands without a lease (decision 16), as nobody can tell whether they are present. For a page
-the console can.
+the console can. Pages that only watch keep nothing going: whoever started it may believe that it ends with their page.
 """
 
 import math
@@ -24,19 +24,22 @@ PRIORITY = 2
 RENEW_S = 0.02
 HEARD_S = 1.0
 """How long to wait until all obeying nodes have received the lease; it takes milliseconds unless one is frozen."""
+PRESENT_S = 2.0
+"""A page that has requested the state within this is open."""
 SETTLE_S = 1.0
 """For this long after the response, clock and bed may still report their earlier state."""
 
 
 class PageLease:
-    """Renewed from the node's loop while ``needed``, that is while something started from the page is under way.
+    """Renewed from the node's loop while something is ``under_way`` and every page that started it is open.
 
     It is not offered otherwise: whoever offers a lease commands, and all others would be refused.
     """
 
-    def __init__(self, ros: Node, needed: Callable[[], bool]) -> None:
-        self._node, self._needed = ros, needed
+    def __init__(self, ros: Node, under_way: Callable[[], bool]) -> None:
+        self._node, self._under_way = ros, under_way
         self._lock, self._asking = threading.Lock(), 0
+        self._holders: dict[str, float] = {}  # when each page that started it was last seen
         self._until_s = -math.inf
         self._publisher: Publisher | None = None
         Timer(ros, RENEW_S, self._turn)
@@ -55,6 +58,17 @@ class PageLease:
             self._until_s = time.monotonic() + SETTLE_S
             self._count(-1)
 
+    def hold(self, page: str) -> None:
+        """``page`` has started what is under way, or confirmed that it is to run; called within ``taken``."""
+        with self._lock:
+            self._holders[page] = time.monotonic()
+
+    def seen(self, page: str) -> None:
+        """``page`` is open; without a name it can't be told from others, and does not count."""
+        with self._lock:
+            if page and page in self._holders:
+                self._holders[page] = time.monotonic()
+
     def _count(self, more: int) -> None:
         """Count the requests that await an answer: two pages may ask at once."""
         with self._lock:
@@ -68,12 +82,23 @@ class PageLease:
                 return
 
     def _turn(self) -> None:
-        if self._asking or time.monotonic() < self._until_s or (self._publisher is not None and self._needed()):
+        if self._needed(time.monotonic()):
             self._renew()
-        elif self._publisher is not None:
+            return
+        with self._lock:
+            self._holders.clear()
+        if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
             self._publisher = None
             real_time_while(False, PRIORITY)
+
+    def _needed(self, now_s: float) -> bool:
+        with self._lock:
+            held, open_s = bool(self._holders), min(self._holders.values(), default=math.inf)
+        if now_s - open_s > PRESENT_S:
+            return False
+        begins = self._asking > 0 or now_s < self._until_s
+        return begins or (self._publisher is not None and held and self._under_way())
 
     def _renew(self) -> None:
         if self._publisher is None:

@@ -8,9 +8,12 @@ const number = (value, digits, unit = "", factor = 1) =>
 /** The console works on STOP for 3 s and waits 5 s for the response to any other call; a frozen one accepts a call but never responds. */
 const STOP_MS = 4000, CALL_MS = 7000;
 
+/** What this page starts ends with it, whoever else watches; a page that is loaded again is another one. */
+const PAGE = {"X-Trackway-Page": crypto.randomUUID()};
+
 async function post(path, patience, body) {
   // The time of the state this page acts on: a console that was frozen must not obey old requests.
-  const headers = {"X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
+  const headers = {...PAGE, "X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
   const signal = AbortSignal.timeout(patience);
   return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
 }
@@ -204,8 +207,9 @@ function roomForNames(count) {
 const SIGN = {waiting: "○", running: "▶", done: "●", failed: "✕", skipped: "–"};
 const OFFER = {waiting: ["skip"], failed: ["repeat"], skipped: ["repeat"], done: ["repeat"], running: []};
 
-function drawQueue(queue) {
-  if (!changed("queue", queue)) return;
+/** ``gone``: there is no campaign any more that could obey. */
+function drawQueue(queue, gone) {
+  if (!changed("queue", [queue, gone])) return;
   const body = by("queue").tBodies[0], focus = document.activeElement?.dataset ?? {};
   const key = document.activeElement?.closest("#queue") ? `${focus.order} ${focus.trial}` : null;
   body.replaceChildren(...queue.flatMap(one => {
@@ -214,6 +218,7 @@ function drawQueue(queue) {
     for (const order of OFFER[one.state]) {
       const button = made("button", order);
       Object.assign(button.dataset, {order, trial: one.trial_id});
+      button.disabled = gone;
       button.setAttribute("aria-label", `${order} ${one.trial_id}`);
       if (order === "repeat" && one.state === "done") button.title = "one replicate more of this condition";
       offers.append(button);
@@ -250,7 +255,10 @@ function drawCampaign(campaign) {
   by("pause").disabled = gone || campaign.state !== "running";
   by("go").disabled = gone || !["held", "pausing"].includes(campaign.state);
   for (const field of by("add").elements) field.disabled = gone;
-  drawQueue(queue);
+  by("resume").textContent = ended && left + failed ? `to go on: trackway campaign ${campaign.folder}` : "";
+  // Nobody can say go to a campaign that has ended; what was seen of legs and air stays.
+  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until go$/, "");
+  drawQueue(queue, gone);
   drawVerdict(campaign.look);
 }
 
@@ -394,7 +402,7 @@ async function keepHearing() {
   for (;;) {
     const asked = performance.now();
     try {
-      const state = await (await fetch("state", {signal: AbortSignal.timeout(OLD_MS)})).json();
+      const state = await (await fetch("state", {headers: PAGE, signal: AbortSignal.timeout(OLD_MS)})).json();
       heard = asked;
       last = state;
       drawSafety(last);

@@ -88,7 +88,8 @@ def _interruptible(folder: CampaignFolder) -> Iterator[None]:
     except KeyboardInterrupt:
         if folder.plan_file.exists():
             batch = " --batch" if folder.truth.exists() else ""
-            print(f"to go on: campaign {folder.path}{batch}; the table so far: table {folder.path}", flush=True)
+            again, table = f"trackway campaign {folder.path}{batch}", f"trackway table {folder.path}"
+            print(f"to go on: {again}; the table so far: {table}", flush=True)
         raise
 
 

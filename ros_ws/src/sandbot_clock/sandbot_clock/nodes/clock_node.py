@@ -11,6 +11,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 - a set-point is late by more than late_s, as when the process was held up; a shorter delay is made up for gradually, as
   from one set-point to the next no leg ever turns further than in ten periods;
 - the bed's air is on (/bed/blower > 0), or another node publishes /leg_setpoints: then the clock does not start either.
+A start may be older than a /clock/stop that was received before it: for 5 s after one, none is obeyed (``standstill``).
 """
 
 import math
@@ -75,8 +76,8 @@ class ClockNode(Node):
         self.create_service(Trigger, "clock/start", self._on_start)
         self.create_service(Trigger, "clock/stop", self._on_stop)
         self.create_service(Trigger, "clock/home", self._on_home)
-        if self._settings.current.autostart:
-            self._autostart = Timer(self, _AUTOSTART_DELAY_S, self._start_once)
+        wanted = self._settings.current.autostart
+        self._autostart = Timer(self, _AUTOSTART_DELAY_S, self._start_once) if wanted else None
 
     @property
     def running(self) -> bool:
@@ -229,9 +230,13 @@ class ClockNode(Node):
                 raise InputError(f"clock parameters: {name} is of the run under way; call /clock/stop first")
 
     def _start_once(self) -> None:
-        self._autostart.cancel()
+        self._cancel_autostart()
         if reason := self.start():
             self.get_logger().error(f"autostart: {reason}")
+
+    def _cancel_autostart(self) -> None:
+        if self._autostart is not None:
+            self._autostart.cancel()
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.running:
@@ -244,6 +249,8 @@ class ClockNode(Node):
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         was_running = self.running
+        self._standstill.stop(time.monotonic())
+        self._cancel_autostart()
         self.stop()
         response.success, response.message = True, "stopped" if was_running else "was not running"
         return response
