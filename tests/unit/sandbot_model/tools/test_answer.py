@@ -6,6 +6,7 @@ import re
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -282,6 +283,16 @@ def test_what_is_unexplained_may_be_another_robot_where_none_is_named(two):
     )
     assert answer.of_discovery(found, SANDBOT).startswith("verdict: unexplained\n")
     assert answer.of_discovery(two, None).startswith("verdict: ambiguous: one of 2 sets of effects, these")
+
+
+@pytest.mark.parametrize("because", ["a formula fits better: k differs", "no set fits"])
+def test_a_formula_is_told_once(two, because):
+    formula = SimpleNamespace(sentence="k differs", options="--effect 'f'")
+    verdict = Verdict("unexplained", (), (), because)
+    told = answer.of_discovery(replace(two, verdict=verdict, stability=np.nan, residual=formula))
+    assert told.count("k differs") == 1
+    assert ("what is left: " in told) == (because == "no set fits")
+    assert "try: compare DATA --effect 'f'" in told
 
 
 def test_a_plan_is_offered_for_trials_but_not_for_readings(two):

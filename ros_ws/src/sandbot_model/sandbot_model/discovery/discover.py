@@ -284,7 +284,7 @@ def _discovered(
         unseen_shift=shift,
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=_residual_formula(search, verdict) if not doubted else None,
+        residual=_residual_formula(search, verdict, found.formula) if not doubted else None,
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named, not_shown)) if verdict.status in ("adequate", "identified") else (),
@@ -398,12 +398,18 @@ def _with_remarks(
     if verdict.status == "unexplained" and len(search.fits) > 1:
         because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
-        because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
+        because += [_mistaken(effect) for effect in named.model.effects if effect.mistaken_for]
     if verdict.status == "untested":
         because.append(plainly_missed(search.fits[()]))
     elif len(search.fits) > 1:
         because.append(confounded_drift(search.cells))
     return replace(verdict, because="; ".join(filter(None, because)))
+
+
+def _mistaken(effect: Effect) -> str:
+    """What no trial distinguishes from an effect, and the control experiment that does."""
+    control = f"; the control of {effect.identifier} tells ({effect.control})" if effect.control else ""
+    return f"{effect.mistaken_for} would look the same{control}"
 
 
 def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
@@ -414,8 +420,11 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
     if not picked and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
-    return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
+    outdone = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
+    if outdone is None:
+        return None
+    refused, formula = outdone
+    return Shared(refused, dict(search.fits), search.fits[()], formula)
 
 
 def _refused_for_the_other_sign(search: EffectSearch, found: Shared) -> Shared | None:
@@ -489,10 +498,12 @@ def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None
     return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 
 
-def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
-    """A formula for the remaining misfit, where no set explains all."""
-    if verdict.status not in INCOMPLETE:
-        return None
+def _residual_formula(
+    search: EffectSearch, verdict: Verdict, refused_for: SuggestedFormula | None
+) -> SuggestedFormula | None:
+    """A formula for the remaining misfit, where no set explains all: the one that a claim was ``refused_for``."""
+    if verdict.status not in INCOMPLETE or refused_for is not None:
+        return refused_for
     partial = verdict.status == "partial"
     found = formula_on_top_of(search, [verdict.effects]) if partial else formula_to_try(search)
     return found if found is not None and repairs_something(search, found) else None

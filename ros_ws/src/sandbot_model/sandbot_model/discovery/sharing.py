@@ -38,6 +38,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for, run_in_order_of
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
+from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import (
     Verdict,
@@ -78,6 +79,8 @@ class Shared:
     fits: dict[Names, Fit]
     named: Fit
     """The set that the verdict names, or else the base model, refitted with nuisances."""
+    formula: SuggestedFormula | None = None
+    """The formula for which a claim was refused."""
 
 
 def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None:

@@ -40,8 +40,9 @@ def of_discovery(found: Discovery, robot: Robot | None = SANDBOT) -> str:
     for fit in alternatives if verdict.status == "ambiguous" else [found.fit]:
         lines += _command_for(fit)
     if found.residual is not None:
-        remaining = filled(f"what is left: {found.residual.sentence}")
-        lines += ["", remaining, f"try: compare DATA {found.residual.options}"]
+        told = found.residual.sentence in verdict.because
+        lines += [] if told else ["", filled(f"what is left: {found.residual.sentence}")]
+        lines += ["", f"try: compare DATA {found.residual.options}"]
     if verdict.status == "ambiguous" and found.next_trials:
         first = found.next_trials[0]
         ask = f"ask: {counted(first.replicates, first.kind)} at {first.where}, and look at {first.observable}"
