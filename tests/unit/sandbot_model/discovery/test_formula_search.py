@@ -74,7 +74,9 @@ def held(monkeypatch):
     return held
 
 
-@pytest.mark.parametrize(("outdone", "said"), [(None, "partial"), ((Verdict("unexplained", (), (), ""), "formula"), None)])
+@pytest.mark.parametrize(
+    ("outdone", "said"), [(None, "partial"), ((Verdict("unexplained", (), (), ""), "formula"), None)]
+)
 def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monkeypatch, outdone, said):
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: outdone)
     search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})

@@ -190,7 +190,7 @@ def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fi
     assert "Error of each model" in page
 
 
-def test_a_verdict_that_leaves_something_open_depends_on_a_robot_nobody_named(tmp_path, discovery, fits, trials):
+def test_a_verdict_depends_on_a_robot_nobody_named(tmp_path, discovery, fits, trials):
     def head(status, robot):
         found = replace(discovery, verdict=Verdict(status, (), (), "no set fits"), steps=fits[:1])
         write_report(tmp_path / "r.html", found, replace(trials, robot=robot), title="r")
@@ -198,7 +198,8 @@ def test_a_verdict_that_leaves_something_open_depends_on_a_robot_nobody_named(tm
 
     assert "Unexplained. If the robot was SandBot, which is assumed: no set fits. " in head("unexplained", None)
     assert "Unexplained. No set fits. " in head("unexplained", SANDBOT)
-    assert "Adequate. No set fits. " in head("adequate", None)
+    assert "Adequate. If the robot was SandBot, which is assumed: no set fits. " in head("adequate", None)
+    assert "Untested. No set fits. " in head("untested", None)
 
 
 def test_what_the_user_wrote_can_not_become_markup(page):

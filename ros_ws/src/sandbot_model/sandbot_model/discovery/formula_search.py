@@ -76,9 +76,7 @@ def _sufficient_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedF
     return min(found, key=lambda formula: formula.bic, default=None)
 
 
-def outdone_by_a_formula(
-    search: EffectSearch, claim: Verdict, fits: Sets
-) -> tuple[Verdict, SuggestedFormula] | None:
+def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> tuple[Verdict, SuggestedFormula] | None:
     """The verdict ``unexplained``, and the formula, if one on top of fewer effects leaves no lack of fit and its BIC is
     clearly better than the claim's, even after the price of its selection from many; else None.
 

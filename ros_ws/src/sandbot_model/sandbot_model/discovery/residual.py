@@ -193,8 +193,8 @@ def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criter
     change = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}{scored(fit, found)}, "
     sentence = (
         f"{on_top}{_difference(best)}: the deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on "
-        f"{found.goodness.dof} degrees of freedom, {change if np.isfinite(cv).all() else ''}and {fit.cells.pure_error_from} {left} "
-        f"(p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
+        f"{found.goodness.dof} degrees of freedom, {change if np.isfinite(cv).all() else ''}and "
+        f"{fit.cells.pure_error_from} {left} (p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
         sentence += f"; or else {_difference(rival)}, which fits as well"
