@@ -34,7 +34,8 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
     found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), CLAIM, {one.effects: one for one in fits})
     assert asked == [(), ("b",)]
     assert (found is not None) == refused
-    assert found is None or (found.status == "unexplained" and "ΔBIC -30" in found.because)
+    assert found is None or (found[0].status == "unexplained" and "ΔBIC -30" in found[0].because)
+    assert found is None or found[1].bic == bic
 
 
 @pytest.mark.parametrize(
@@ -61,24 +62,34 @@ def test_whatever_claims_several_effects_is_held_against_a_formula(held, status,
 def held(monkeypatch):
     """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
-    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: refused)
+    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: (refused, "formula"))
     monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, _: search.fits)
     monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
 
     def held(claim, fits):
         search = SimpleNamespace(fits={(): fit(bic=300.0)} | fits, criteria=DEFAULT)
         imitated = discover._refused_for_a_formula(search, Shared(claim, search.fits, search.fits[()]))
-        return imitated is not None and imitated.verdict is refused
+        return imitated is not None and imitated.verdict is refused and imitated.formula == "formula"
 
     return held
 
 
-@pytest.mark.parametrize(("outdone", "said"), [(None, "partial"), (Verdict("unexplained", (), (), ""), None)])
+@pytest.mark.parametrize(
+    ("outdone", "said"), [(None, "partial"), ((Verdict("unexplained", (), (), ""), "formula"), None)]
+)
 def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monkeypatch, outdone, said):
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: outdone)
     search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})
     found = discover._unless_a_formula(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
     assert (found and found[0].verdict.status) == said
+
+
+@pytest.mark.parametrize(("refused_for", "tried"), [("that of the refusal", "that of the refusal"), (None, "another")])
+def test_the_formula_to_try_is_the_one_that_a_claim_was_refused_for(monkeypatch, refused_for, tried):
+    """Else two formulas on two sets are told of one table."""
+    monkeypatch.setattr(discover, "formula_to_try", lambda _search: "another")
+    monkeypatch.setattr(discover, "repairs_something", lambda *_: True)
+    assert discover._residual_formula(None, Verdict("unexplained", (), (), ""), refused_for) == tried
 
 
 @pytest.mark.parametrize(

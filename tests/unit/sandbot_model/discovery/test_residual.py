@@ -33,7 +33,7 @@ PLANTED = [
     ),
     (
         "hidden: speed: kept *= 1 - a*R*omega**2/g; a [1] in 0.03..0.06",
-        ("speed", "the advance in a step, not its peak speed,", "Rω²/g"),
+        ("speed", "the advance, but not the peak speed,", "Rω²/g"),
     ),
     (
         "hidden: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4",

@@ -142,7 +142,7 @@ def test_error_bars_of_a_figure_are_pure_error():
     assert noise_floor(cells)["speed"] == pytest.approx(0.005, rel=0.2)
     verdict = judge({(): fit(SIMPLE, cells)})
     assert verdict.status == "adequate"
-    assert "misses the cell means by no more than the error bars (" in verdict.because
+    assert "misses the cell means by more than the error bars, too little to reject it (" in verdict.because
     assert of_the_base_model(cells_of(as_figure(rows(DISTURBED), 0.005))) == "unexplained"
 
 

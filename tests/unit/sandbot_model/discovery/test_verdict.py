@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import claim_threshold, earns_place, judge, passes
+from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, passes
 from sandbot_model.fitting.goodness import Estimate
 
 CELLS = 20
@@ -205,6 +205,20 @@ def test_a_base_model_that_needs_numbers_nobody_believes_says_so_once():
     assert judged(plain).because.endswith("the scatter of replicates (lack of fit p = 0.5)")
     assert judged(strange).because.endswith(f"the scatter of replicates (lack of fit p = 0.5), {BOTH}")
     assert judged(strange).status == "adequate"
+
+
+@pytest.mark.parametrize(("p", "by"), [(0.5, "no more than the scatter"), (0.01, "more than the scatter")])
+def test_a_misfit_that_a_reader_takes_for_real_is_not_called_none(p, by):
+    because = judged(made(deviance=60.0, p=p)).because
+    assert f"misses the cell means by {by} of replicates" in because
+    assert ("too little to reject it" in because) == (p == 0.01)
+
+
+def test_remarks_come_after_the_statistics_in_one_sentence():
+    found = Verdict("adequate", (), (), "p = 0.5").with_remarks("", "check the zero").with_remarks("run 3 more")
+    assert found.because == "p = 0.5; check the zero; run 3 more"
+    assert (found.statistics, found.remarks) == ("p = 0.5", ("check the zero", "run 3 more"))
+    assert Verdict("adequate", (), (), "p = 0.5").with_remarks("").statistics == "p = 0.5"
 
 
 @pytest.mark.parametrize("rivals", [(), (made("b", deviance=61.0),)])

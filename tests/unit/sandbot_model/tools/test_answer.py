@@ -6,6 +6,7 @@ import re
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -76,18 +77,25 @@ def brief(tmp_path_factory):
 def test_the_answer_comes_first_then_why_then_tables(brief):
     out, found = brief
     lines = out.splitlines()
-    assert lines[0] == "verdict: identified: stance_overlap"
-    assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
-    assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
-    assert lines[3:5] == [
+    assert lines[:2] == ["verdict: identified: stance_overlap, if the robot was SandBot, which is", "assumed"]
+    assert lines[2] == "  stance_overlap: Both tripods standing at once hold each other back"
+    assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[3])
+    assert lines[4:6] == [
         "  speed error out of sample: 1.09 → 0.50 cm/s (30 and 32 of 35 cells scored);",
         "    replicates scatter by 0.50 cm/s",
     ]
-    order = [out.index(part) for part in ("verdict:", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")]
+    order = [
+        out.index(part)
+        for part in ("verdict:", "- best in", "- no zero of", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")
+    ]
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH
     assert "absent, at 95 %" not in out
-    assert found["verdict"]["because"] in " ".join(out.split())
+    told = " ".join(out.split())
+    assert all(clause in told for clause in found["verdict"]["because"].split("; "))
+    assert "best in" not in told.split("why: ")[1]
+    assert [note for note in found["data"]["notes"] if note not in told] == []
+    assert [note.split(":")[0] for note in found["data"]["notes"]] == ["robot", "cameras", "bed"]
 
 
 def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(two, monkeypatch):
@@ -101,7 +109,8 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert f"but only with {name} = {value:.4g} (plausible: " in told
 
 
-def test_no_standard_error_is_given_where_a_model_fails_and_that_is_said(two):
+def test_no_standard_error_is_given_where_a_model_fails_and_that_is_said(two, monkeypatch):
+    monkeypatch.setattr(answer, "calibrated", lambda *_: None)
     fit = two.fit
     failing = replace(fit, goodness=replace(fit.goodness, lack_of_fit_p=1e-9))
     for told in (answer.of_comparison([failing]), tables.parameters(failing)):
@@ -283,7 +292,48 @@ def test_what_is_unexplained_may_be_another_robot_where_none_is_named(two):
         "verdict: unexplained, if the robot was SandBot, which is assumed\n"
     )
     assert answer.of_discovery(found, SANDBOT).startswith("verdict: unexplained\n")
-    assert answer.of_discovery(two, None).startswith("verdict: ambiguous: one of 2 sets of effects, these")
+
+
+def test_the_verdict_names_a_robot_and_a_gait_that_are_assumed(two):
+    nameless = replace(two, steps=tuple(replace(step, cells=nameless_gait(step.cells)) for step in two.steps))
+    nameless = replace(nameless, cells=nameless_gait(two.cells))
+    heads = {}
+    for status in ("adequate", "identified", "ambiguous", "partial", "unexplained", "untested"):
+        verdict = replace(two.verdict, status=status)
+        for given, found, robot in ((True, two, SANDBOT), (False, nameless, None)):
+            head = " ".join(answer.of_discovery(replace(found, verdict=verdict), robot).split("\n  ")[0].split())
+            heads[status, given] = "if the robot was SandBot and the gait was SGCS, which is assumed" in head
+    assert {status for (status, given), named in heads.items() if named} == {
+        "adequate", "identified", "ambiguous", "partial", "unexplained"
+    }  # fmt: skip
+    assert not any(named for (_, given), named in heads.items() if given)
+
+
+def nameless_gait(cells):
+    return replace(cells, gait=("",) * len(cells))
+
+
+def test_a_base_model_that_holds_only_off_calibration_says_so_in_its_first_line(two, drawn):
+    """As compare does, by the same test; controls: nothing off, and more off than calibration can explain."""
+    first, trials = {}, drawn(())
+    for off_m in (0.0, 1e-3, 5e-3):
+        base = fit(model_of("simple", (), {}), cells_of(replace(trials, lift_m=trials.lift_m + off_m)))
+        told = " ".join(answer.of_comparison([base]).split("\n  ")[0].split())
+        first[off_m] = "model holds: " in told, "model fails: " in told, "allows for a lift zero off by" in told
+    assert first == {0.0: (True, False, False), 1e-3: (False, True, True), 5e-3: (False, True, False)}
+    verdict = Verdict("adequate", (), (), "")
+    assert replace(two, verdict=verdict, allowing="a drift").headline == "adequate, allowing for a drift"
+    assert replace(two, verdict=verdict).headline == "adequate"
+
+
+@pytest.mark.parametrize("because", ["a formula fits better: k differs", "no set fits"])
+def test_a_formula_is_told_once(two, because):
+    formula = SimpleNamespace(sentence="k differs", options="--effect 'f'")
+    verdict = Verdict("unexplained", (), (), because)
+    told = answer.of_discovery(replace(two, verdict=verdict, stability=np.nan, residual=formula))
+    assert told.count("k differs") == 1
+    assert ("what is left: " in told) == (because == "no set fits")
+    assert "try: compare DATA --effect 'f'" in told
 
 
 def test_why_no_trial_is_proposed_and_what_to_do_instead(two):
@@ -322,7 +372,7 @@ def test_a_plan_is_offered_for_trials_but_not_for_readings(two):
 def test_of_one_that_is_identified_it_is_said_and_offered(two):
     found = replace(two, verdict=replace(two.verdict, status="identified", alternatives=(("leg_slip",),)))
     assert answer.of_discovery(found).startswith("verdict: identified: leg_slip\n")
-    assert "; best in 100 % of bootstrap draws" in " ".join(answer.of_discovery(found).split())
+    assert " - best in 100 % of bootstrap draws why: " in " ".join(answer.of_discovery(found).split())
     assert can_adopt(found)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import sandbot_model as sm
+from sandbot_common.accuracy import USUAL
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.tools import discover as command
@@ -33,7 +34,7 @@ def found(trials):
 def test_a_hidden_effect_is_found_and_said_first(found):
     assert found.verdict.status == "identified"
     assert found.fit.effects == ("stance_overlap",)
-    assert repr(found).splitlines()[1].startswith("identified: stance_overlap")
+    assert "\nidentified: stance_overlap" in repr(found)
 
 
 def test_nothing_is_found_where_nothing_is_hidden(drawn):
@@ -53,7 +54,11 @@ def test_what_is_printed_is_short_and_in_the_readers_units(found):
 
 
 def test_what_is_odd_about_the_data_is_said_first(trials, found):
-    assert found.notes == ("robot: not given, SandBot is assumed",)
+    assert found.notes == (
+        "robot: not given, SandBot is assumed",
+        "cameras: accuracy not given, a zero of the lift within 0.6 mm and a scale of speed within 1 % (s.d.) assumed",
+        "bed: scatter not given, 0.7 % of k from batch to batch (s.d.) assumed",
+    )
     assert found.to_dict()["data"]["notes"] == list(found.notes)
     zeros = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
     odd = sm.compare(zeros)
@@ -66,8 +71,8 @@ def test_what_is_odd_about_the_data_is_said_first(trials, found):
 
 
 def test_what_the_data_leave_open_is_a_note(trials):
-    walked = replace(trials, robot=SANDBOT)
-    assert sm.compare(walked).notes == sm.compare(trials, robot=SANDBOT).notes == ()
+    walked = replace(trials, robot=SANDBOT, accuracy=USUAL)
+    assert sm.compare(walked).notes == sm.compare(replace(trials, accuracy=USUAL), robot=SANDBOT).notes == ()
     trot = np.full_like(trials.gait, "trot", dtype=object)
     assert sm.compare(replace(walked, gait=trot)).notes == ("gait 'trot': the clock signal of SGCS is assumed",)
 
@@ -76,7 +81,7 @@ def test_a_reading_that_is_not_used_is_said_with_what_is_odd(trials, tmp_path):
     path = tmp_path / "readings.csv"
     path.write_text(f"phi,k_n_per_m\n{trials.phi[0]},190\n0.7,260\n")
     odd = sm.compare(trials, penetrometer=path)
-    assert odd.to_dict()["data"]["notes"][1:] == ["penetrometer: 1 of 2 readings is at no level of the trials: φ 0.700"]
+    assert odd.to_dict()["data"]["notes"][2:] == ["penetrometer: 1 of 2 readings is at no level of the trials: φ 0.700"]
 
 
 def test_a_result_pickles_small_and_comes_back(found):

@@ -52,6 +52,7 @@ from sandbot_model.discovery.plausibility import implausible_k, in_doubt, robot_
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
+    allowed_for,
     has_flexible_nuisances,
     judged_with_nuisances,
     nuisances_suffice,
@@ -66,6 +67,7 @@ from sandbot_model.discovery.verdict import (
     Sets,
     Verdict,
     judge,
+    leaves_nothing,
     p_in_words,
     refused_as_implausible,
     sound,
@@ -119,6 +121,8 @@ class Discovery:
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
     """Limits at 95 % on effects that are absent."""
+    allowing: str = ""
+    """What the trials share, in words, without which an adequate base model would show lack of fit; else empty."""
     controls: Mapping[str, str] = field(default_factory=dict)
     """If no trial distinguishes the alternatives: the experiments by which their effects show (``Effect.control``)."""
     criteria: Criteria = DEFAULT
@@ -172,6 +176,8 @@ class Discovery:
         if self.verdict.status == "ambiguous":
             return f"ambiguous: one of {len(sets)} sets: {'; '.join(sets)}"
         named = " or ".join(sets)
+        if self.allowing:
+            return f"{self.verdict.status}, allowing for {self.allowing}"
         return f"{self.verdict.status}: {named}" if named else self.verdict.status
 
     @property
@@ -229,8 +235,7 @@ def discover(
     others = _discovered(cells.without(wrong), effects, max_effects, **how)
     if others.verdict.status in INCOMPLETE:
         return found
-    because = f"{others.verdict.because}; {repeat_request(cells, wrong)}"
-    return replace(others, verdict=replace(others.verdict, because=because))
+    return replace(others, verdict=others.verdict.with_remarks(repeat_request(cells, wrong)))
 
 
 def _discovered(
@@ -247,7 +252,7 @@ def _discovered(
     doubted = in_doubt(cells)
     preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
-    rival = _identified_without_nuisances(search, found)
+    rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
@@ -268,8 +273,7 @@ def _discovered(
     reported = averaged_with(reported, rivals)
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
-    verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
-    verdict = replace(verdict, because="; ".join(filter(None, (verdict.because, shifted))))
+    verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls).with_remarks(shifted)
     return Discovery(
         model=base,
         cells=cells,
@@ -279,12 +283,13 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
+        allowing=allowing,
         controls=controls,
         unseen=not_shown,
         unseen_shift=shift,
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=_residual_formula(search, verdict) if not doubted else None,
+        residual=_residual_formula(search, verdict, found.formula) if not doubted else None,
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named, not_shown)) if verdict.status in ("adequate", "identified") else (),
@@ -311,6 +316,13 @@ def _identified_without_nuisances(search: EffectSearch, found: Shared) -> Fit | 
         return None
     plain = judge(search.fits, search.criteria)
     return search.fits[plain.effects] if plain.status == "identified" else None
+
+
+def _only_allowing(search: EffectSearch, found: Shared) -> str:
+    """The nuisances, in words, without which an adequate base model would show lack of fit; else empty."""
+    if found.verdict.status != "adequate" or leaves_nothing(search.fits[()], search.criteria):
+        return ""
+    return " and ".join(allowed_for(found.named, search.criteria))
 
 
 def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
@@ -381,29 +393,33 @@ def _with_remarks(
     controls: Mapping[str, str],
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
-    because = [verdict.because]
-    if strange := implausible_k(search.fits[()]):
-        because.append(strange)
+    remarks = [implausible_k(search.fits[()])]
     if verdict.status == "adequate":
-        because.append(nearly_claimed(search.fits, search.criteria))
+        remarks.append(nearly_claimed(search.fits, search.criteria))
     if hidden:
-        because.append(_not_excluded(hidden, trials, out_of_reach, search))
+        remarks.append(_not_excluded(hidden, trials, out_of_reach, search))
     if len(verdict.alternatives) > 1:
-        because.append(_most_discriminating(trials, controls, search.criteria))
+        remarks.append(_most_discriminating(trials, controls, search.criteria))
     if verdict.status in WIDENED:
-        because.append(one_value.in_words(search.cells))
+        remarks.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
-        because.append(rival_calibration_error(search, named))
+        remarks.append(rival_calibration_error(search, named))
     # Where the robot is in doubt there was no search, and calibration is not the question.
     if verdict.status == "unexplained" and len(search.fits) > 1:
-        because.append(sufficient_calibration_error(search))
+        remarks.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
-        because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
+        remarks += [_mistaken(effect) for effect in named.model.effects if effect.mistaken_for]
     if verdict.status == "untested":
-        because.append(plainly_missed(search.fits[()]))
+        remarks.append(plainly_missed(search.fits[()]))
     elif len(search.fits) > 1:
-        because.append(confounded_drift(search.cells))
-    return replace(verdict, because="; ".join(filter(None, because)))
+        remarks.append(confounded_drift(search.cells))
+    return verdict.with_remarks(*remarks)
+
+
+def _mistaken(effect: Effect) -> str:
+    """What no trial distinguishes from an effect, and the control experiment that does."""
+    control = f"; the control of {effect.identifier} tells ({effect.control})" if effect.control else ""
+    return f"{effect.mistaken_for} would look the same{control}"
 
 
 def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
@@ -414,8 +430,11 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
     if not picked and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
-    return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
+    outdone = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
+    if outdone is None:
+        return None
+    refused, formula = outdone
+    return Shared(refused, dict(search.fits), search.fits[()], formula)
 
 
 def _refused_for_the_other_sign(search: EffectSearch, found: Shared) -> Shared | None:
@@ -489,10 +508,12 @@ def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None
     return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 
 
-def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
-    """A formula for the remaining misfit, where no set explains all."""
-    if verdict.status not in INCOMPLETE:
-        return None
+def _residual_formula(
+    search: EffectSearch, verdict: Verdict, refused_for: SuggestedFormula | None
+) -> SuggestedFormula | None:
+    """A formula for the remaining misfit, where no set explains all: the one that a claim was ``refused_for``."""
+    if verdict.status not in INCOMPLETE or refused_for is not None:
+        return refused_for
     partial = verdict.status == "partial"
     found = formula_on_top_of(search, [verdict.effects]) if partial else formula_to_try(search)
     return found if found is not None and repairs_something(search, found) else None

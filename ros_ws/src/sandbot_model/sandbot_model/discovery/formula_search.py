@@ -76,9 +76,9 @@ def _sufficient_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedF
     return min(found, key=lambda formula: formula.bic, default=None)
 
 
-def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Verdict | None:
-    """The verdict ``unexplained`` if a formula on top of fewer effects leaves no lack of fit and its BIC is clearly
-    better than the claim's, even after the price of its selection from many; else None.
+def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> tuple[Verdict, SuggestedFormula] | None:
+    """The verdict ``unexplained``, and the formula, if one on top of fewer effects leaves no lack of fit and its BIC is
+    clearly better than the claim's, even after the price of its selection from many; else None.
 
     Several effects together, one under another convention or one with batch offsets can imitate a mechanism that is
     none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances.
@@ -94,7 +94,7 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
                 f"{' + '.join(claim.effects)} explains much, but one formula fits better (ΔBIC "
                 f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"
             )
-            return Verdict("unexplained", (), (), because)
+            return Verdict("unexplained", (), (), because), formula
     return None
 
 

@@ -174,25 +174,30 @@ def _allowances(found: Fit) -> str:
     return f", allowing for {' and '.join(words)}" if words else ""
 
 
-def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criteria: Criteria) -> SuggestedFormula:
-    found, guess = best.fit, best.guess
+def _difference(fitted: _FittedGuess) -> str:
+    """What differs from the model, and by how much."""
+    found, guess = fitted.fit, fitted.guess
     parts = [
         term.words.format(f"({value:+.3g} ± {error:.2g})" if found.errors_hold else f"({value:+.3g})")
-        for term, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
+        for term, value, error in zip(guess.terms, guess.coefficients, fitted.errors, strict=True)
     ]
+    return f"{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit})"
+
+
+def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criteria: Criteria) -> SuggestedFormula:
+    found, guess = best.fit, best.guess
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
     enough = leaves_nothing(found, criteria)
     left = "leave nothing to explain" if enough else "still leave something to explain"
     change = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}{scored(fit, found)}, "
     sentence = (
-        f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
-        f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
-        f"{change if np.isfinite(cv).all() else ''}and {fit.cells.pure_error_from} {left} "
-        f"(p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
+        f"{on_top}{_difference(best)}: the deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on "
+        f"{found.goodness.dof} degrees of freedom, {change if np.isfinite(cv).all() else ''}and "
+        f"{fit.cells.pure_error_from} {left} (p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
-        sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"
+        sentence += f"; or else {_difference(rival)}, which fits as well"
     return SuggestedFormula(
         sentence=sentence,
         formula=guess.formula(),

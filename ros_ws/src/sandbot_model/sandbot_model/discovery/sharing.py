@@ -38,6 +38,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for, run_in_order_of
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
+from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import (
     Verdict,
@@ -78,6 +79,8 @@ class Shared:
     fits: dict[Names, Fit]
     named: Fit
     """The set that the verdict names, or else the base model, refitted with nuisances."""
+    formula: SuggestedFormula | None = None
+    """The formula for which a claim was refused."""
 
 
 def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None:
@@ -142,6 +145,16 @@ def refitted_as_claimed(search: EffectSearch, found: Shared) -> dict[Names, Fit]
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
     return _refitted(search, [names for names in search.fits if names in sets], batch_sd_of(found.named))
+
+
+def calibrated(fit: Fit, criteria: Criteria) -> Fit | None:
+    """The fit with a zero of the lift, a scale of speed and a drift of k within their priors, if these suffice to leave
+    no lack of fit: the base model is then adequate to ``discover``. None where they do not, or are not needed."""
+    if leaves_nothing(fit, criteria):
+        return None
+    own = nuisances_for(fit, criteria)
+    found = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
+    return found if leaves_nothing(found, criteria) and _within_priors(found, criteria) else None
 
 
 def refitted_at_priors(search: EffectSearch, sets: Sequence[Names]) -> dict[Names, Fit]:
@@ -246,7 +259,7 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    return Shared(_with_nuisances(verdict, plain, named, batch_sd, search.criteria), fits, named)
+    return Shared(_with_nuisances(verdict, plain, named, search.criteria), fits, named)
 
 
 def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
@@ -401,9 +414,14 @@ def _on_rough_ground(search: EffectSearch) -> Fit:
     return search.base_on_rough_bed
 
 
-def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, batch_sd: BatchSd, criteria: Criteria) -> Verdict:
+def allowed_for(fit: Fit, criteria: Criteria) -> list[str]:
+    """What differs between batches in a fit with nuisances, and its significant zero, scale and drift, in words."""
+    return _batch_terms_in_words(fit, batch_sd_of(fit), criteria) + significant(fit)
+
+
+def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, criteria: Criteria) -> Verdict:
     """The verdict with the nuisances that it assumes, and what it would be without them."""
-    words = _batch_terms_in_words(fit, batch_sd, criteria) + significant(fit)
+    words = allowed_for(fit, criteria)
     sets = either(plain.alternatives or (plain.effects,))
     named = f"{plain.status}: {sets}" if sets else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"

@@ -63,7 +63,7 @@ _ALWAYS = (
     Lever("balance", "the force the ground gives", "extra_force += m*g*{}", "body weights"),
     Lever("speed", "the speed at every moment of a step", "kept, peak_ratio *= 1 + {}"),
     Lever("speed", "the peak of v_x(t), not its mean,", "peak_ratio *= 1 + {}"),
-    Lever("speed", "the advance in a step, not its peak speed,", "kept *= 1 + {}"),
+    Lever("speed", "the advance, but not the peak speed,", "kept *= 1 + {}"),
 )
 _ALSO_FIRST = ("k *=", "extra_force +=", "kept *=")
 LEVERS = (

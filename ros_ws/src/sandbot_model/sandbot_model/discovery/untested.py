@@ -19,7 +19,7 @@ from sandbot_model.physics.observables import CM, Observable, usual_noise
 
 CONDITIONS, MORE = 6, 2
 """Conditions to repeat or to add, and degrees of freedom of pure error that each of them gives."""
-SCATTER_OR_MISS = ("scatter of replicates", "a miss of the model")
+SCATTER_OR_MISS = ("scatter of replicates", "a model that fails")
 """What repetitions separate."""
 PLAINLY = 2.0
 """Misfit, in usual standard deviations of a trial, that replicates will probably confirm."""

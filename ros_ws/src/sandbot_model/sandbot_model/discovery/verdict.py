@@ -15,7 +15,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -33,6 +33,8 @@ EXPLAINS_ALL = ("identified", "ambiguous")
 """Statuses by which effects of the catalogue explain all data."""
 CONVENTION_COUNT = sum(map(len, VARIANTS.values()))
 """Number of other conventions from which one is selected."""
+USUAL_LEVEL = 0.05
+"""p-value below which a reader takes a misfit for real, though the criteria do not reject the model yet."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by their effects on top of the base model."""
 
@@ -40,12 +42,23 @@ Sets = Mapping[tuple[str, ...], Fit]
 @dataclass(frozen=True)
 class Verdict:
     """``status`` is adequate, identified, ambiguous, partial, unexplained or untested; ``because``: one sentence with
-    numbers."""
+    numbers, the ``statistics`` and then the ``remarks``: what else it could be, and what to do."""
 
     status: str
     effects: tuple[str, ...]
     alternatives: tuple[tuple[str, ...], ...]
     because: str
+    remarks: tuple[str, ...] = ()
+
+    def with_remarks(self, *remarks: str) -> "Verdict":
+        """The same verdict with these remarks, except empty ones, at the end of its sentence."""
+        new = tuple(filter(None, remarks))
+        return replace(self, because="; ".join((self.because, *new)), remarks=(*self.remarks, *new))
+
+    @property
+    def statistics(self) -> str:
+        """The sentence without the remarks."""
+        return self.because.removesuffix("".join(f"; {remark}" for remark in self.remarks))
 
 
 def passes(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
@@ -182,10 +195,15 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 
 
 def _base_suffices(base: Fit) -> str:
-    """That the base model shows no lack of fit, and at which implausible values."""
+    """That the base model shows no lack of fit, or too little to reject it, and at which implausible values."""
     scatter = "the error bars" if base.cells.error_bars else "the scatter of replicates"
+    by = (
+        f"no more than {scatter}"
+        if base.lack_of_fit_p >= USUAL_LEVEL
+        else f"more than {scatter}, too little to reject it"
+    )
     only = only_with(base)
-    return f"the {base.model.base} model misses the cell means by no more than {scatter} {p_in_words(base)}" + (
+    return f"the {base.model.base} model misses the cell means by {by} {p_in_words(base)}" + (
         f", but {only}" if only else ""
     )
 

@@ -16,7 +16,9 @@ LACK_OF_FIT = 5e-3
 """p-value of the joint test below which a model is rejected."""
 GROSS = 3.0
 """Misfit of every cell mean, in standard errors, that the joint test must be able to detect."""
-NO_ERROR = "no standard error where the model shows lack of fit or can't be tested, or the search for an effect ended"
+NO_ERROR = (
+    "no standard error where the model shows lack of fit, can't be tested, or has an effect at the end of its range"
+)
 WIDTH = 100
 """Greatest width of a line of text [columns]."""
 

@@ -8,6 +8,7 @@ from sandbot_model.discovery.discover import INCOMPLETE, Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
 from sandbot_model.physics.effect import Parameter
+from sandbot_model.physics.gait import ASSUMED, assumption
 from sandbot_model.report.view import observable_label, readable
 
 MOST_REPEATED = 3
@@ -42,11 +43,13 @@ def steps_shown(found: Discovery) -> tuple[Fit, ...]:
 
 
 def condition(found: Discovery, robot: Robot | None) -> str:
-    """The condition of a verdict that leaves something unexplained where nothing says which robot walked; else empty.
+    """The condition of a verdict where nothing says which robot walked, or in which gait; else empty.
 
-    A wrong robot is then as likely a reason as missing physics.
+    A wrong one is as likely a reason as missing physics for what is left, and moves what is claimed.
     """
-    return "if the robot was SandBot, which is assumed" if robot is None and found.verdict.status in INCOMPLETE else ""
+    robots = ["the robot was SandBot"] if robot is None else []
+    taken = robots + ([f"the gait was {ASSUMED}"] if assumption(found.cells.gait) else [])
+    return f"if {' and '.join(taken)}, which is assumed" if taken and found.verdict.status != "untested" else ""
 
 
 def in_three_sentences(found: Discovery, robot: Robot | None) -> str:

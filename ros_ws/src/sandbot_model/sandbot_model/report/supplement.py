@@ -11,6 +11,7 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, difference
 from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery.assumed import assumed
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import claim_on_replicates, claim_threshold, overdispersion
 from sandbot_model.report import text
@@ -27,8 +28,11 @@ LIVE = "Recorded live over DDS; no virtual lab appears in the recordings."
 UNKNOWN = "A table that does not state where its trials come from."
 
 
-def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str) -> Section:
-    """Source, plan, robot, software, dates and command, as far as the data state them."""
+def origin(
+    trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str, criteria: Criteria | None = None
+) -> Section:
+    """Source, plan, robot, software, dates and command, as far as the data state them, and what is assumed instead;
+    ``criteria`` are those of a verdict."""
     opened = _first_and_last_bag(trials, bags)
     metadata = [bag.provenance.get("trial", {}) for bag in opened]
     rows = [
@@ -36,6 +40,7 @@ def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str)
         ("plan", _plan(cells, [trial.get("plan", "") for trial in metadata])),
         ("gait", _joined(cells.gait)),
         ("robot", _robot(trials.robot)),
+        ("assumed", "; ".join(assumed(trials, cells, criteria))),
         ("recorded", " to ".join(dict.fromkeys(str(trial["start"])[:16] for trial in metadata if "start" in trial))),
         ("recorded by", _joined(map(_software, metadata))),
         ("analysed by", f"sandbot_model {version('sandbot_model')}"),

@@ -66,6 +66,6 @@ def _page(
     return of_steps(
         shown,
         provenance(trials, cells, lost_bags(bags, trials)),
-        opening=(supplement.origin(trials, cells, bags, command), supplement.methods(shown, criteria)),
+        opening=(supplement.origin(trials, cells, bags, command, criteria), supplement.methods(shown, criteria)),
         atlas=atlas_section.sections(trials, fits, bags),
     )

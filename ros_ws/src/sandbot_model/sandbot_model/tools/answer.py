@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.verdict import leaves_nothing, only_with
+from sandbot_model.discovery.sharing import allowed_for, calibrated
+from sandbot_model.discovery.verdict import leaves_nothing, only_with, p_in_words
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import counted, to_error
@@ -34,14 +36,15 @@ def of_discovery(found: Discovery, robot: Robot | None = SANDBOT) -> str:
     others = dict.fromkeys(name for names in verdict.alternatives for name in names if name not in named)
     lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in others]
     lines.append(filled(errors(found.steps), "  "))
-    stability = found.stability_in_words
-    lines += ["", filled(f"why: {verdict.because}{stability and f'; {stability}'}")]
+    lines += [filled(f"- {one}", "  ") for one in (found.stability_in_words, *verdict.remarks) if one]
+    lines += ["", filled(f"why: {verdict.statistics}")]
     alternatives = [fit for fit in found.fits if fit.effects in verdict.alternatives]
     for fit in alternatives if verdict.status == "ambiguous" else [found.fit]:
         lines += _command_for(fit)
     if found.residual is not None:
-        remaining = filled(f"what is left: {found.residual.sentence}")
-        lines += ["", remaining, f"try: compare DATA {found.residual.options}"]
+        told = found.residual.sentence in verdict.because
+        lines += [] if told else ["", filled(f"what is left: {found.residual.sentence}")]
+        lines += ["", f"try: compare DATA {found.residual.options}"]
     if verdict.status == "ambiguous" and found.next_trials:
         first = found.next_trials[0]
         ask = f"ask: {counted(first.replicates, first.kind)} at {first.where}, and look at {first.observable}"
@@ -74,7 +77,12 @@ def _explains(fit: Fit) -> str:
 
 def _fails(fit: Fit) -> str:
     missed = cells_missed(fit.fails)
-    return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
+    fails = f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
+    allowing = calibrated(fit, DEFAULT)
+    if allowing is None:
+        return fails
+    words = " and ".join(allowed_for(allowing, DEFAULT)) or "a drift that these data can't show"
+    return f"{fails}; it holds {p_in_words(allowing)} if, as in discover, one allows for {words}"
 
 
 def _effect(name: str, fit: Fit) -> list[str]:

@@ -17,7 +17,7 @@ from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
-from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, assumption
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
 ALL = 10**6
@@ -26,7 +26,6 @@ FITTERS = 2
 """Default number of processes that fit at once."""
 LEG_KEYS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
 """Keys of a robot that the reading of bags depends on: another file can't change them afterwards."""
-NO_ROBOT = "robot: not given, SandBot is assumed"
 
 if TYPE_CHECKING:
     from sandbot_model.data.conditions import Cells
@@ -141,6 +140,7 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
 
     Raises InputError.
     """
+    from sandbot_model.discovery.assumed import NO_ROBOT
     from sandbot_record.trials.from_bags import robot_file
 
     found = _read(args, args.data)
@@ -169,11 +169,6 @@ def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
     from sandbot_record.trials.read import named
 
     return checked(trials, named(args.data))
-
-
-def assumed(trials: "Trials", cells: "Cells") -> tuple[str, ...]:
-    """Notes on what the data leave open: the robot, and the clock signal of a gait."""
-    return tuple(filter(None, (NO_ROBOT if trials.robot is None else "", assumption(cells.gait))))
 
 
 def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":

@@ -65,6 +65,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from tqdm import tqdm
 
     from sandbot_model.data.conditions import cells_of
+    from sandbot_model.discovery.assumed import assumed
     from sandbot_model.discovery.reproduce import steps_of
     from sandbot_model.fitting.bootstrap import bootstrap
     from sandbot_model.physics.catalogue import catalogue
@@ -90,7 +91,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         print(filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"), "\n")
     print(_tables(steps, arguments.ALL if args.verbose else FEW))
     content = steps.to_dict()
-    content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
+    content["data"]["notes"] = [*assumed(trials, cells), *notes]
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)

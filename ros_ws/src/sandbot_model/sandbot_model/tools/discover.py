@@ -70,14 +70,18 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     # Imported only once the options are parsed, so that --help and mistakes in them are answered at once.
     from tqdm import tqdm
 
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.discovery.assumed import assumed, priors_assumed
     from sandbot_model.discovery.discover import discover
+    from sandbot_model.discovery.other_gait import tried_with_other_gaits
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
     notes = arguments.notes(args, trials)
-    cells = arguments.cells(args, trials)
+    readings = arguments.readings(args)
+    cells = cells_of(trials, readings)
     notes += cells.notes
     arguments.check_bed(args, cells)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
@@ -92,9 +96,11 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
             cells, effects, base=args.model, max_effects=args.max_effects, criteria=arguments.criteria(args),
             fit_all=fit_all, progress=progress,
         )  # fmt: skip
+        found = tried_with_other_gaits(found, trials, readings)
         rates = _rates(args, found, trials, effects, fit_all, progress) if args.calibrate else []
     print(answer.of_discovery(found, trials.robot), end="\n\n")
     print(filled(tables.data_line(found.steps[0])), filled(robot_line), sep="\n")
+    print("".join(f"{filled(line)}\n" for line in priors_assumed(trials, cells, found.criteria)), end="")
     print(tables.notes(notes))
     print(_tables(found, args.verbose))
     if rates:
@@ -107,7 +113,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         print("\n" + filled(write_trials_to_run(found.next_trials, found.cells.trials, args.next, no_trial(found))))
     if args.json is not None:
         content = found.to_dict()
-        content["data"]["notes"] = [*arguments.assumed(trials, cells), *notes]
+        content["data"]["notes"] = [*assumed(trials, cells, found.criteria), *notes]
         content |= {"error_rates": [rate.to_dict() for rate in rates]} if rates else {}
         write_json(args.json, content)
     if args.html is not None:

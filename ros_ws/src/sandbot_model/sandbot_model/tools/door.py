@@ -21,16 +21,18 @@ from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
 from sandbot_common.typed import check_types
-from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
+from sandbot_model.discovery.assumed import assumed
 from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.other_gait import tried_with_other_gaits
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Progress
@@ -155,7 +157,8 @@ def discover(
     effects = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
     notes = checked(trials, "data")
-    cells = _cells(trials, penetrometer)
+    readings = None if penetrometer is None else read_readings(Path(penetrometer))
+    cells = cells_of(trials, readings)
     with Processes(workers).map() as fit_all:
         found = discovering.discover(
             cells,
@@ -166,7 +169,8 @@ def discover(
             fit_all=fit_all,
             progress=progress,
         )
-    return Found(found, trials, (*arguments.assumed(trials, cells), *notes, *cells.notes))
+    found = tried_with_other_gaits(found, trials, readings)
+    return Found(found, trials, (*assumed(trials, cells, criteria), *notes, *cells.notes))
 
 
 def compare(
@@ -188,9 +192,10 @@ def compare(
     trials = _trials(data, robot)
     notes = checked(trials, "data")
     names = [*effects, *(name for name in map(name_of, formulas) if name not in effects)]
-    cells = _cells(trials, penetrometer)
+    readings = None if penetrometer is None else read_readings(Path(penetrometer))
+    cells = cells_of(trials, readings)
     found = comparing.compare(cells, catalogue, names, base=model)
-    return Compared(found, trials, (*arguments.assumed(trials, cells), *notes, *cells.notes))
+    return Compared(found, trials, (*assumed(trials, cells), *notes, *cells.notes))
 
 
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:
@@ -219,7 +224,3 @@ def _read(data: "Data") -> Trials:
     if not (isinstance(data, str | Path) or several):
         raise InputError(f"{type(data).__name__}; a path, several, a DataFrame or Trials is needed")
     return read(data)
-
-
-def _cells(trials: Trials, penetrometer: str | Path | None) -> Cells:
-    return cells_of(trials, None if penetrometer is None else read_readings(Path(penetrometer)))

@@ -16,7 +16,11 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
 
-WITH_NUISANCES = "The last step is fitted with nuisances (zero of the lift, scale of speed, drift{}); {} without."
+WEIGHT = "weight: BIC weight of all sets tried that contain the effect, 1 if no set without it is likely"
+WITH_NUISANCES = (
+    "The last step is fitted with nuisances, errors that trials share (a zero of the lift that is off, a scale of "
+    "speed, a drift of k{}); {} without."
+)
 """Why one model may have two values of p and of the error out of sample."""
 
 
@@ -132,7 +136,7 @@ def candidates(discovery: Discovery, most: int) -> str:
         )
     listed = "; ".join(f"{name} with {values}" for name, values in implausible.items() if name in shown)
     note = f"\n{filled(f'* only with implausible values, so not named: {listed}')}" if listed else ""
-    return table(rows, left=(0, 1)) + _more(len(discovery.candidates) - most) + note
+    return f"{table(rows, left=(0, 1))}{_more(len(discovery.candidates) - most)}\n{filled(WEIGHT)}{note}"
 
 
 def stages(discovery: Discovery) -> str:

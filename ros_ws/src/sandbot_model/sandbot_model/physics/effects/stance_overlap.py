@@ -13,7 +13,7 @@ class StanceOverlap(Effect):
     source = "Li09, double stance"
     seen_in = "off the geometry lock: v lower at the same L"
     control = "walk in a gait of smaller duty factor d_c: it shrinks"
-    mistaken_for = "a cable sparing the peak"
+    mistaken_for = "a cable that slows the body but not its peak speed, unlike cable_drag,"
     parameters = (
         Parameter(
             "eta",
