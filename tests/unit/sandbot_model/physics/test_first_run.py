@@ -16,7 +16,7 @@ NEVER_ABSENT = {
     "slow_phase_speed no stance cut short by the next leg",
     "unequal_leg_load a step is the mean of its legs'",
 }
-"""Conventions of which the base model is no special case, deliberately: legs also turn by the clock of the gait, or swim.
+"""Conventions of which the base model is no special case: legs also turn by the clock of the gait, or swim.
 """
 
 

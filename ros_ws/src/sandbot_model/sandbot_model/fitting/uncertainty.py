@@ -24,7 +24,7 @@ def standard_errors(jacobian: Array) -> tuple[Array, Array]:
 
 
 def covariance_of(normal: Array) -> Array:
-    """The inverse of normal equations; 0 for unknowns, and along combinations of them, that the data do not determine."""
+    """The inverse of normal equations; 0 for what the data do not determine: unknowns, or combinations of them."""
     size, curvature, axes = _principal_axes(normal)
     known = curvature > ACCURACY**2
     steps = axes[:, known] / np.sqrt(curvature[known]) / size[:, None]

@@ -55,7 +55,7 @@ def of_comparison(steps: Sequence[Fit]) -> str:
     """Whether the last model fits, and the error before → after → floor."""
     last = steps[-1]
     held = ", ".join(f"{name} = {last.model.parameter(name).with_unit(at)}" for name, at in last.model.held.items())
-    named = f"{last.name}{f' with {held} held' if held else ''}"
+    named = f"{last.name}{f' at {held} (held)' if held else ''}"
     if not math.isfinite(last.lack_of_fit_p):
         why = f"can't be tested: {last.undetermined or 'replicates, or error bars, are needed'}"
         return "\n".join([styled(filled(f"{named} {why}"), "bad"), filled(errors(steps), "  ")])
