@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, passes
+from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, p_of_test, passes
 from sandbot_model.fitting.goodness import Estimate
 
 CELLS = 20
@@ -67,6 +67,13 @@ def judged(*fits, criteria=None):
 
 
 BASE = made(deviance=300.0, p=1e-9)
+
+
+def test_the_p_that_is_given_is_the_one_that_failed():
+    each = {"speed": 9.9e-5, "lift": 0.2}
+    assert p_of_test(made(deviance=60.0, p=0.38, each=each)) == "lack of fit of speed p = 9.9e-05, of all together 0.38"
+    assert p_of_test(made(deviance=60.0, p=1e-9, each=each)) == "lack of fit p = 1e-09"
+    assert p_of_test(made(deviance=60.0, p=0.38)) == "lack of fit p = 0.38"
 
 
 def test_nothing_missing_is_adequate_unless_an_effect_earns_its_claim():

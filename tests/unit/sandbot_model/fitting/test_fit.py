@@ -7,9 +7,11 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.text import LACK_OF_FIT, UNDETERMINED, with_error
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
 
@@ -38,6 +40,40 @@ def test_what_nothing_measured_is_neither_implausible_nor_at_a_bound(smooth, dra
         moved = fitted_at(found.model, found.cells, dataclasses.replace(found.point, theta=theta))
         assert np.isnan(moved.parameters["v_swim_m_s"].stderr) == (not names)
         assert moved.at_bounds == moved.implausible == names
+
+
+K_AND_A = ("x.a", "k at φ 0.580", "k at φ 0.606", "k at φ 0.633")
+
+
+@pytest.mark.parametrize(
+    ("formula", "omega", "together"),
+    [
+        ("k*a; a [1] in 0.5..2", (4, 8, 12, 16), K_AND_A),
+        ("k*(1 + a*(phi - 0.57)); a [1] in -5..5", (4, 8, 12, 16), K_AND_A),
+        ("k*(1 + a*(omega/12 - 1)); a [1] in -1..1", (4, 8, 12, 16), ()),
+        ("k", (4,), ("delta_t_s", *K_AND_A[1:])),
+        ("k", (3, 4), ()),
+    ],
+)
+def test_what_is_known_only_together_is_not_determined(drawn, formula, omega, together):
+    """k is free at every φ; at one ω, the ground's stiffness and its response time have the same effect."""
+    names = () if formula == "k" else ("x",)
+    effects = {**EFFECTS, **{name: formula_effect(f"{name}: strength: {formula}") for name in names}}
+    found = with_sampled_errors(fit(model_of("simple", names, effects), cells_of(drawn(levels=3, omega=omega))))
+    assert found.known_only_together == together
+    told = {name: UNDETERMINED in text for name, text in found.estimates()}
+    assert [name for name, hidden in told.items() if hidden and name != "v_swim_m_s"] == list(together)
+    step = found.to_dict()
+    assert step["known_only_together"] == list(together)
+    assert (step["parameters"]["delta_t_s"]["stderr"] is None) == ("delta_t_s" in together)
+
+
+def test_at_one_phi_a_response_that_depends_on_phi_is_known_only_with_the_response_time(drawn):
+    trials = drawn(levels=2)
+    cells = cells_of(trials.select(trials.phi > 0.6))
+    found = fit(model_of("simple", ("phi_dependent_response",), EFFECTS), cells)
+    assert found.known_only_together == ("delta_t_s", "phi_dependent_response.b")
+    assert found.k_stderr_n_per_m[0] < 0.01 * found.k_n_per_m[0]
 
 
 @pytest.mark.slow

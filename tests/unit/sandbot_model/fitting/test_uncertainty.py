@@ -34,6 +34,30 @@ def test_what_the_data_do_not_determine_has_no_error_and_no_share_in_others():
     np.testing.assert_allclose(stderr[:2], standard_errors(jacobian[:, :2])[0])
 
 
+@pytest.mark.parametrize(("unit", "noise"), [(1.0, 0.0), (1e6, 0.0), (1e-6, 2e-4)])
+def test_what_is_known_only_together_has_no_error_of_its_own(unit, noise):
+    """y = (a + b) x + c z, whatever the unit of b and how rough its derivative. Control: b that differs by 1 %."""
+    x, z = RNG.normal(size=(2, 40))
+    rough = noise * RNG.normal(size=40)
+    stderr, covariance = standard_errors(np.column_stack([x, unit * (x + rough), z]))
+    sum_and_c, expected = standard_errors(np.column_stack([x, z]))
+    assert np.isinf(stderr[:2]).all()
+    assert stderr[2] == pytest.approx(sum_and_c[1], rel=1e-3)
+    # A prediction from the sum is as well known as ever.
+    assert covariance[:2, :2].sum() > 0
+    slope = np.array([1.0, unit, 0.0])
+    assert slope @ covariance @ slope == pytest.approx(expected[0, 0], rel=1e-2)
+    differs = standard_errors(np.column_stack([x, unit * (x + 0.01 * RNG.normal(size=40)), z]))[0]
+    assert np.isfinite(differs).all()
+
+
+def test_a_prior_determines_what_the_data_leave_open():
+    """As an offset of the bed beside k: a row of its own, however weak beside the data."""
+    x = np.ones(40) / 1e-3
+    stderr, _ = standard_errors(np.vstack([np.column_stack([x, x]), [0.0, 1 / 0.05]]))
+    assert stderr == pytest.approx([0.05, 0.05], rel=1e-3)
+
+
 WHOLE = (1.0, 1.0)
 
 

@@ -78,6 +78,12 @@ def test_an_effect_that_no_worker_can_receive_is_refused(tmp_path, kept):
     assert [one.identifier for one in effects_in(path)] == ["boost"]
 
 
+def test_an_effect_that_vanishes_at_its_neutral_value_is_read(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace('"gain")', '"gain", neutral=0.0)'))
+    assert [one.parameters[0].neutral for one in effects_in(path)] == [0.0]
+
+
 def test_an_import_that_never_was_is_refused(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN.replace("sandbot_model.physics.effect", "sandbot_model.effects_of_mine"))
@@ -128,6 +134,14 @@ def test_an_import_that_never_was_is_refused(tmp_path):
         (OWN.replace('p["a"]', 'p["b"]'), "Boost.apply: KeyError: 'b'"),
         (OWN.replace("chain.k = ", "chain.kk = "), "Boost.apply: AttributeError: 'Chain' object has no attribute 'kk'"),
         (OWN.replace("(1 +", "(float('nan') +"), "Boost.apply: gives no finite number"),
+        (
+            OWN.replace('"gain")', '"gain", neutral=0.0)').replace("(1 +", "(0.88 +"),
+            "Boost.apply: changes something at its neutral value, a = 0, where it must vanish",
+        ),
+        (
+            OWN.replace("(1 +", "(1 + __import__('random').random() *"),
+            "Boost.apply: gives another result for the same inputs",
+        ),
         (
             OWN.replace("    def apply", "    def __init__(self, x):\n        pass\n\n    def apply"),
             "missing 1 required",

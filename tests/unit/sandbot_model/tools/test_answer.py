@@ -113,6 +113,7 @@ def test_no_standard_error_is_given_where_a_model_fails_and_that_is_said(two, mo
     monkeypatch.setattr(answer, "calibrated", lambda *_: None)
     fit = two.fit
     failing = replace(fit, goodness=replace(fit.goodness, lack_of_fit_p=1e-9))
+    assert [one.to_dict()["errors_hold"] for one in (fit, failing)] == [True, False]
     for told in (answer.of_comparison([failing]), tables.parameters(failing)):
         assert "±" not in told
         assert NO_ERROR in " ".join(told.split())
@@ -176,7 +177,10 @@ def test_what_is_held_by_hand_has_no_error(printed, tmp_path):
     assert "last step held by hand: stance_overlap.eta = 0.1; nothing is refitted" in told
     assert "plausible" not in told
     assert " → – cm/s (" in told  # no error out of sample
-    assert "eta = " not in told.partition("held by hand")[0]
+    head = " ".join(told.split()).partition(" stance_overlap: ")[0]
+    assert "+ stance_overlap at stance_overlap.eta = 0.1 (held) holds: " in head
+    assert told.count("eta = ") == 2
+    assert " \n" not in told
     fitted_step, held_step = json.loads(out.read_text())["steps"][1:]
     fitted, by_hand = fitted_step["parameters"], held_step["parameters"]
     assert by_hand["stance_overlap.eta"] == {"value": 0.1, "stderr": None}

@@ -123,7 +123,7 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     """
     given, sizes, gain = _scatter_posterior(fit, criteria)
     moments = averaged_moments(*given, sizes, gain)
-    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    stderr = np.where(np.isfinite(fit.stderr), np.sqrt(np.diag(moments)), fit.stderr)
     averaged = replace(fit, stderr=stderr, covariance=moments)
     scatter = float(np.sqrt(probability(gain) @ sizes**2))
     beside = Problem(fit.model, fit.cells, nuisances_for(fit, criteria, batch_sd_of(fit).with_sd(BATCH, scatter)))
@@ -141,7 +141,7 @@ def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
     weights = np.exp(-0.5 * (bic - bic.min()))
     about = np.array([fit.covariance, *(_moments_about(fit, other) for other in others)])
     moments = np.average(about, axis=0, weights=weights)
-    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    stderr = np.where(np.isfinite(fit.stderr), np.sqrt(np.diag(moments)), fit.stderr)
     return replace(fit, stderr=stderr, covariance=moments, sample=None)
 
 
@@ -150,7 +150,7 @@ def _moments_about(fit: Fit, other: Fit) -> Array:
     names = list(other.model.names)
     own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
     there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
-    away = np.where(np.isnan(fit.stderr + other.stderr[own]), 0.0, there[own] - here)
+    away = np.where(np.isfinite(fit.stderr + other.stderr[own]), there[own] - here, 0.0)
     return np.asarray(other.covariance[np.ix_(own, own)] + np.outer(away, away))
 
 

@@ -32,6 +32,7 @@ from sandbot_model.discovery.verdict import (
     gains_enough,
     leaves_nothing,
     overdispersion,
+    p_in_words,
     passes,
     sound,
 )
@@ -321,7 +322,7 @@ def _because(found: Partial, at: Fit) -> str:
     beyond = "".join(f"; but {_out_of_range(at, name)}" for name in dict.fromkeys(doubtful_parameters(at)))
     return (
         f"{found.effect} holds in {holds} and removes {min(found.share, 1.0):.0%} of what the base model misses{there} "
-        f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "") + beyond
+        f"{p_in_words(at)}" + (f"; it fails in {fails}" if fails else "") + beyond
     )
 
 

@@ -350,4 +350,14 @@ def _nothing(fit: Fit) -> str:
 
 def p_in_words(fit: Fit) -> str:
     """``(lack of fit p = 0.43)``."""
-    return f"(lack of fit p = {fit.lack_of_fit_p:.2g})"
+    return f"({p_of_test(fit)})"
+
+
+def p_of_test(fit: Fit, criteria: Criteria = DEFAULT) -> str:
+    """``lack of fit p = 0.43``; where only single observables fail, theirs: ``lack of fit of speed p = 1e-5, of all
+    together 0.38``."""
+    jointly, tests = f"{fit.lack_of_fit_p:.2g}", fit.goodness.lack_of_fit.items()
+    failed = [f"{name.replace('_', ' ')} p = {p:.2g}" for name, p in tests if p < criteria.lack_of_fit_of_one]
+    if not failed or not fit.lack_of_fit_p >= criteria.lack_of_fit:
+        return f"lack of fit p = {jointly}"
+    return f"lack of fit of {', of '.join(failed)}, of all together {jointly}"

@@ -22,7 +22,7 @@ from sandbot_model.report.captions import how_to_read
 from sandbot_model.report.view import Provenance, bands
 
 MAX_EXCLUDED = 60
-FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(omega/12 - 1)); a [1] in -1..1"
 
 
 def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor_m_s: float) -> html.Div:

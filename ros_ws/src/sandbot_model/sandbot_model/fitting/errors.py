@@ -40,13 +40,14 @@ def with_sampled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
     along = [index for index in own if not _parabolic(problem, fit, begin, index)]
     if not along:
         return _with_k_errors_across_steps(problem, fit, begin)
-    free = np.isfinite(fit.stderr)
+    free = ~np.isnan(fit.stderr)
     free[: len(fit.point.theta)] = False
     free[own] = True
     stderr, covariance = fit.stderr.copy(), fit.covariance.copy()
     away = posterior_points(problem, begin, free, along)
     covariance[np.ix_(free, free)] = found = moments(away)
-    stderr[free] = np.sqrt(np.diag(found))
+    # A sample covers the search range of what is known only together with others: that is no measurement.
+    stderr[free] = np.where(np.isinf(stderr[free]), np.inf, np.sqrt(np.diag(found)))
     points = np.tile(np.concatenate([fit.point.theta, fit.point.ln_k]), (POINTS, 1))
     points[:, free] += np.random.default_rng(SEED).choice(away, POINTS, replace=False)
     return replace(fit, stderr=stderr, covariance=covariance, sample=points)
@@ -55,7 +56,7 @@ def with_sampled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
 def _parabolic(problem: Problem, fit: Fit, begin: States, index: int) -> bool:
     """Whether ``FAR`` standard errors away, or as far as its bounds allow, the deviance rises as a parabola would."""
     here, error = fit.point.theta[index], fit.stderr[index]
-    if not error > 0:
+    if not 0 < error < np.inf:
         return False
     values = np.clip(here + error * np.array([0.0, -FAR, FAR]), *fit.model.parameters[index].search)
     away = (values[1:] - here) / error

@@ -56,6 +56,12 @@ class Fit(Fitted):
         return f"{counted(self.problem.values, 'cell mean')} can't determine {self.problem.fitted} parameters"
 
     @property
+    def known_only_together(self) -> tuple[str, ...]:
+        """Names, as in ``estimates``, of what the data determine only in combination, so that none has an error."""
+        names = (*self.parameters, *(f"k at φ {phi:.3f}" for phi in self.level_phi))
+        return tuple(name for name, error in zip(names, self.stderr, strict=True) if np.isinf(error))
+
+    @property
     def errors_hold(self) -> bool:
         """Whether standard errors have a meaning: a test able to reveal a gross lack of fit has been passed, and no
         effect is ``stopped``, as its strength, held where the search ended, moves all other values."""
@@ -91,6 +97,8 @@ class Fit(Fitted):
                 {"phi": number(phi), "value": number(k), "stderr": number(stderr)}
                 for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
             ],
+            "errors_hold": self.errors_hold,
+            "known_only_together": list(self.known_only_together),
             "at_bounds": list(self.at_bounds),
             "implausible": list(self.implausible),
             # φ and ω identify the cell.
@@ -185,8 +193,8 @@ class Fit(Fitted):
         return f"{value:.4g}, held" if name in self.model.held else self.value_text(value, stderr)
 
     def value_text(self, value: float, stderr: float) -> str:
-        """A fitted value ± standard error, or to three digits unless ``errors_hold``; "not determined" unless
-        there are more cell means than unknowns."""
+        """A fitted value ± standard error, or to three digits unless ``errors_hold``; "not determined" where it is not
+        or there are no more cell means than unknowns."""
         text = UNDETERMINED if self.undetermined else with_error(value, stderr)
         return text if self.errors_hold or text == UNDETERMINED else to_error(value, math.nan)
 

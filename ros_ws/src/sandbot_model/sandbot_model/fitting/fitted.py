@@ -49,9 +49,10 @@ class Fitted:
     cells: Cells
     point: Point
     stderr: Array
-    """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one."""
+    """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one, ∞
+    where only together with others."""
     covariance: Array
-    """Covariance of the same unknowns; 0 where the data do not determine one."""
+    """Covariance of the same unknowns; 0 where, or along combinations that, the data do not determine."""
     goodness: Goodness
     nuisances: Nuisances | None = None
     """Nuisance parameters fitted with the rest; their estimates are ``shared``."""

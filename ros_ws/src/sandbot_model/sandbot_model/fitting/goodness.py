@@ -25,7 +25,7 @@ PLAUSIBLE_SIGMAS, FAR_OUT = 3.0, 0.25
 
 
 class Estimate(NamedTuple):
-    """A fitted value with its standard error (NaN where the data do not determine it)."""
+    """A fitted value with its standard error: NaN where the data do not determine it, ∞ where only with others."""
 
     value: float
     stderr: float

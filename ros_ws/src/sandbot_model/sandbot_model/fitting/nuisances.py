@@ -172,7 +172,7 @@ def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) 
     """
     solved = np.linalg.solve(covariance, np.column_stack([jacobian, trends, residual]))
     count = jacobian.shape[1]
-    fitted = np.linalg.pinv(jacobian.T @ solved[:, :count], rcond=1e-12, hermitian=True)
+    fitted = covariance_of(jacobian.T @ solved[:, :count])
     adjusted = solved[:, count:] - solved[:, :count] @ (fitted @ (jacobian.T @ solved[:, count:]))
     pull, information = trends.T @ adjusted[:, -1], trends.T @ adjusted[:, :-1]
     variance, axes = np.linalg.eigh(information)

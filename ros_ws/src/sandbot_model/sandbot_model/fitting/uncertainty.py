@@ -9,21 +9,40 @@ from sandbot_model.physics.arrays import Array, Bool
 
 DETERMINED = 1e-12
 """Least curvature of the deviance along an unknown for it to count as determined by the data."""
+ACCURACY = 1e-3
+"""Relative accuracy of a column of a Jacobian: differences, in which dk/dφ does not follow k (2e-4 where only the
+product of k and a factor is known). Columns whose combination cancels to this can't be distinguished."""
 
 
 def standard_errors(jacobian: Array) -> tuple[Array, Array]:
-    """Standard errors and covariance of all unknowns; NaN and 0 for those that the data do not determine."""
+    """Standard errors and covariance of all unknowns: NaN for those that the data do not determine, ∞ for those that
+    they determine only together with others."""
     normal = jacobian.T @ jacobian
     covariance = covariance_of(normal)
-    return np.where(np.diag(normal) < DETERMINED, np.nan, np.sqrt(np.maximum(np.diag(covariance), 0.0))), covariance
+    stderr = np.where(_only_together(normal), np.inf, np.sqrt(np.diag(covariance)))
+    return np.where(np.diag(normal) < DETERMINED, np.nan, stderr), covariance
 
 
 def covariance_of(normal: Array) -> Array:
-    """The inverse of normal equations; 0 for unknowns that the data do not determine."""
-    covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-    undetermined = np.diag(normal) < DETERMINED
-    covariance[undetermined] = covariance[:, undetermined] = 0.0
-    return np.asarray(covariance)
+    """The inverse of normal equations; 0 for what the data do not determine: unknowns, or combinations of them."""
+    size, curvature, axes = _principal_axes(normal)
+    known = curvature > ACCURACY**2
+    steps = axes[:, known] / np.sqrt(curvature[known]) / size[:, None]
+    return np.asarray(steps @ steps.T)
+
+
+def _only_together(normal: Array) -> Bool:
+    """Unknowns ``(n,)`` that change along a combination which the data do not determine."""
+    _, curvature, axes = _principal_axes(normal)
+    return np.asarray(np.linalg.norm(axes[:, curvature <= ACCURACY**2], axis=1) > ACCURACY)
+
+
+def _principal_axes(normal: Array) -> tuple[Array, Array, Array]:
+    """Curvatures ``(n,)`` of the deviance along axes, the columns ``(n, n)``, and the ``size (n,)`` that makes an
+    unknown's own curvature 1 whatever its unit; ∞ where it has none."""
+    own = np.diag(normal)
+    size = np.sqrt(np.where(own < DETERMINED, np.inf, own))
+    return size, *np.linalg.eigh(normal / np.outer(size, size))
 
 
 def principal_steps(covariance: Array) -> Array:

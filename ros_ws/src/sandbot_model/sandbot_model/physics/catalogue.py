@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
 from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name, is_range
 from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.physics.first_run import changes_something
+from sandbot_model.physics.first_run import changes_something, is_repeatable, vanishes
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import Inputs, Walker
@@ -131,7 +131,7 @@ def _try(effect: Effect, where: str) -> None:
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
     try:
         with np.errstate(all="ignore"):
-            acts = changes_something(effect)
+            acts, same, gone = changes_something(effect), is_repeatable(effect), vanishes(effect)
             walker.predict(inputs, [values])
             filled = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
             finite = all(np.isfinite(part).all() for part in (filled.margin, filled.speed, filled.peak_ratio))
@@ -142,6 +142,11 @@ def _try(effect: Effect, where: str) -> None:
         raise InputError(f"{place}: gives no finite number at the start values of its parameters")
     if not acts:
         raise InputError(f"{place}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
+    if not same:
+        raise InputError(f"{place}: gives another result for the same inputs; it may depend on nothing else")
+    if not gone:
+        neutral = ", ".join(f"{parameter.name} = {parameter.neutral:g}" for parameter in effect.parameters)
+        raise InputError(f"{place}: changes something at its neutral value, {neutral}, where it must vanish")
     try:
         pickle.dumps(effect)
     except Exception as error:

@@ -1,13 +1,13 @@
 """Runs an effect once before any fit, on arrays of the shapes used in fits, so that mistakes show at once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 
 import numpy as np
 
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.walking import USUAL_K, Inputs, Params, Walker, depth_grid
 
@@ -23,6 +23,10 @@ INPUTS = Inputs(
 """Shapes as in a fit (rows, cells, nodes): every φ at every ω."""
 
 
+NEGLIGIBLE = 1e-9
+"""Relative change by an effect at its neutral values that counts as none."""
+
+
 def changes_something(effect: Effect) -> bool:
     """Whether any observable depends on an effect, at the ends or the start value of its parameters' ranges.
 
@@ -36,19 +40,43 @@ def changes_something(effect: Effect) -> bool:
     return any(changed)
 
 
+def is_repeatable(effect: Effect) -> bool:
+    """Whether an effect gives the same again for the same inputs."""
+    twice = (list(_filled(effect, (effect,), first_step=False)) for _ in range(2))
+    return all(np.array_equal(here, there, equal_nan=True) for here, there in zip(*twice, strict=True))
+
+
+def vanishes(effect: Effect) -> bool:
+    """Whether an effect changes nothing at the neutral values of its parameters; True if none has one."""
+    if all(parameter.neutral is None for parameter in effect.parameters):
+        return True
+    at = {p.name: _tried(p) if p.neutral is None else np.full((3, 1, 1), p.neutral) for p in effect.parameters}
+    return all(
+        np.allclose(here, there, rtol=NEGLIGIBLE, atol=NEGLIGIBLE, equal_nan=True)
+        for first_step in (False, True)
+        for here, there in zip(_filled(effect, (effect,), first_step, at), _filled(effect, (), first_step), strict=True)
+    )
+
+
 def observed_quantities(chain: Chain) -> tuple[Array, ...]:
     """Quantities that determine the observables: the force margin, and those read after the force balance."""
     seen = chain.depth, chain.speed, chain.peak_speed, chain.advance, chain.v_swim, chain.swum
     return chain.margin, *seen, chain.sigma_phi
 
 
-def _filled(effect: Effect, effects: tuple[Effect, ...], first_step: bool) -> Iterator[Array]:
-    """The observed quantities, and others that effects of later stages may read."""
+def _filled(
+    effect: Effect, effects: tuple[Effect, ...], first_step: bool, at: Mapping[str, Array] | None = None
+) -> Iterator[Array]:
+    """The observed quantities, and others that effects of later stages may read; the parameters of each of ``effects``
+    are ``at`` these values, or at the ends and start of their ranges."""
     walker = Walker(effects)
-    params: Params = [
-        {p.name: np.array([p.low, p.start, p.high])[:, None, None] for p in own.parameters} for own in effects
-    ]
+    params: Params = [at or {p.name: _tried(p) for p in own.parameters} for own in effects]
     chain = walker.chain(INPUTS, params, depth_grid(walker.robot), first_step=first_step)
     yield from observed_quantities(chain)
     if effect.stage != "balance":
         yield from (chain.chord, chain.slow_phase_ratio, chain.swing_ratio, chain.slow_begin, chain.slow_end)
+
+
+def _tried(parameter: Parameter) -> Array:
+    """The ends and the start of a parameter's range ``(3, 1, 1)``."""
+    return np.array([parameter.low, parameter.start, parameter.high])[:, None, None]

@@ -1,4 +1,4 @@
-"""An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
+"""An effect from a line of text: ``"boost: strength: k*(1 + a*(omega/12 - 1)); a [1] in -1..1"``.
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one that is named: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` means the

@@ -9,7 +9,7 @@ from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.sharing import allowed_for, calibrated
-from sandbot_model.discovery.verdict import leaves_nothing, only_with, p_in_words
+from sandbot_model.discovery.verdict import leaves_nothing, only_with, p_in_words, p_of_test
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import counted, to_error
@@ -57,14 +57,16 @@ def of_discovery(found: Discovery, robot: Robot | None = SANDBOT) -> str:
 def of_comparison(steps: Sequence[Fit]) -> str:
     """Whether the last model fits, and the error before → after → floor."""
     last = steps[-1]
+    held = ", ".join(f"{name} = {last.model.parameter(name).with_unit(at)}" for name, at in last.model.held.items())
+    named = f"{last.name}{f' at {held} (held)' if held else ''}"
     if not math.isfinite(last.lack_of_fit_p):
         why = f"can't be tested: {last.undetermined or 'replicates, or error bars, are needed'}"
-        return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
+        return "\n".join([styled(filled(f"{named} {why}"), "bad"), filled(errors(steps), "  ")])
     fits = leaves_nothing(last)
     judgement = _explains(last) if fits else _fails(last)
-    head = styled(filled(f"{last.name} {judgement}"), "good" if fits and not only_with(last) else "open")
-    named = [line for name in last.effects for line in _effect(name, last)]
-    return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
+    head = styled(filled(f"{named} {judgement}"), "good" if fits and not only_with(last) else "open")
+    effects = [line for name in last.effects for line in _effect(name, last)]
+    return "\n".join([head, *(filled(line, "  ") for line in effects), filled(errors(steps), "  ")])
 
 
 def _explains(fit: Fit) -> str:
@@ -77,7 +79,7 @@ def _explains(fit: Fit) -> str:
 
 def _fails(fit: Fit) -> str:
     missed = cells_missed(fit.fails)
-    fails = f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
+    fails = f"fails: {p_of_test(fit)}, {missed} of {counted(len(fit.cells), 'cell')} missed"
     allowing = calibrated(fit, DEFAULT)
     if allowing is None:
         return fails

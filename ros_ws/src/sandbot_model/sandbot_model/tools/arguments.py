@@ -50,7 +50,7 @@ def add_catalogue(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="'NAME: STAGE: FORMULA; a [unit] in LOW..HIGH'",
-        help="an effect as a formula, e.g. 'boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5'",
+        help="an effect as a formula, e.g. 'boost: strength: k*(1 + a*(omega/12 - 1)); a [1] in -1..1'",
     )
 
 

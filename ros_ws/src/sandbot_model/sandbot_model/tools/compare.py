@@ -88,7 +88,10 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         if not set(own) & set(selection.effects):
             print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
     if held:
-        print(filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"), "\n")
+        print(
+            filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"),
+            end="\n\n",
+        )
     print(_tables(steps, arguments.ALL if args.verbose else FEW))
     content = steps.to_dict()
     content["data"]["notes"] = [*assumed(trials, cells), *notes]

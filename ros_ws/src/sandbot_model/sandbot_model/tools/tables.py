@@ -74,7 +74,10 @@ def parameters(fit: Fit) -> str:
     rows = [["parameter", "value", ""]]
     for name, estimate in fit.estimates():
         rows.append([name, estimate, _remark(fit, name, estimate)])
-    return table(rows) + ("" if fit.errors_hold else f"\n{NO_ERROR}")
+    together = ", ".join(fit.known_only_together)
+    remarks = [f"known only together, not one by one: {together}"] if together else []
+    remarks += [] if fit.errors_hold else [NO_ERROR]
+    return "\n".join([table(rows), *map(filled, remarks)])
 
 
 def _remark(fit: Fit, name: str, estimate: str) -> str:
