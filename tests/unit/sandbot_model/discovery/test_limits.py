@@ -9,7 +9,7 @@ import numpy as np
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.limits import ACCEPTED, ONE_SIDED, ROUNDS, TWO_SIDED, Limit, _Side, limits
+from sandbot_model.discovery.limits import ACCEPTED, ONE_SIDED, ROUNDS, TWO_SIDED, Limit, _outwards, _Side, limits
 from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
@@ -157,3 +157,17 @@ def test_a_limit_that_excludes_no_plausible_value_is_none(drawn):
         effect = copy.copy(EFFECTS[name])
         effect.parameters = (dataclasses.replace(effect.parameters[0], high=share * high, start=0.5 * high),)
         assert (name in found(trials, effects={name: effect})[2]) == given
+
+
+def test_an_effect_that_has_no_slope_where_it_vanishes_is_tried_farther_out():
+    """What it does rises with its square: at neutral it has no standard error, which says nothing about its limit."""
+    parameter = catalogue()["phi_nonuniformity"].parameters[0]
+
+    def sides(value, error):
+        free = SimpleNamespace(parameters={f"phi_nonuniformity.{parameter.name}": (value, error)}, deviance=100.0)
+        return list(_outwards("phi_nonuniformity", parameter, 100.0, free))
+
+    for error in (171.0, np.inf, np.nan):
+        (side,) = sides(0.0, error)
+        assert 0.0 < side.tried <= side.room
+        assert sides(0.001, error) == []  # control: there the data say nothing

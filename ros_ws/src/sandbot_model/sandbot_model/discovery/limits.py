@@ -163,6 +163,8 @@ def _outwards(name: str, parameter: Parameter, base: float, free: Fit) -> Iterat
     best, centre = min((base, neutral), (free.deviance, value))
     one_sided = parameter.hard_low == neutral
     rise = ONE_SIDED if one_sided else TWO_SIDED
+    # What an effect does may rise with the square of its parameter: no slope at neutral, and no error to begin with.
+    error = 0.5 * parameter.width if value == neutral and not error < parameter.width else error
     # An effect whose best fit is far above the base model does not contain that, as with a gait that is assumed.
     if not STAIRCASE * parameter.width < error < parameter.width or free.deviance > best + rise:
         return
