@@ -26,6 +26,8 @@ from sandbot_model.discovery.candidates import Candidate, candidates, nearly_cla
 from sandbot_model.discovery.conventions import (
     admit_rivals,
     conventions,
+    other_families,
+    same_family,
     try_beside_the_leader,
     try_single_effects,
     try_within_pairs,
@@ -66,6 +68,7 @@ from sandbot_model.discovery.verdict import (
     Sets,
     Verdict,
     judge,
+    next_best,
     p_in_words,
     refused_as_implausible,
     sound,
@@ -248,6 +251,7 @@ def _discovered(
     preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     rival = _identified_without_nuisances(search, found)
+    claimed = search.fits[found.verdict.effects]
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
@@ -265,9 +269,11 @@ def _discovered(
     known = {fit.effects for fit in rivals}
     rivals += [fit for fit in equally_simple(reported, hidden) if fit.effects not in known]
     shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
-    reported = averaged_with(reported, rivals)
+    family = same_family(search, claimed, named)
+    reported = averaged_with(reported, [*rivals, *family])
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
+    verdict = _told_from_others(search, verdict, claimed, family)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
     verdict = replace(verdict, because="; ".join(filter(None, (verdict.because, shifted))))
     return Discovery(
@@ -358,6 +364,17 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     # Along a flat valley the lowest point may be implausible.
     named = lower if sound(lower) or not sound(named) else named
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
+
+
+def _told_from_others(search: EffectSearch, verdict: Verdict, claimed: Fit, family: Sequence[Fit]) -> Verdict:
+    """The verdict with what comes next and, if there are any, what its errors cover."""
+    because = [verdict.because]
+    if verdict.status == "identified":
+        best = search.fits[verdict.effects]
+        because.append(next_best(search.fits, best, other_families(search, claimed, best), search.criteria))
+    if family:
+        because.append("standard errors cover its conventions that explain as much")
+    return replace(verdict, because="; ".join(filter(None, because)))
 
 
 def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
