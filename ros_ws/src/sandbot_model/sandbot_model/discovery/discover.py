@@ -273,7 +273,8 @@ def _discovered(
     reported = averaged_with(reported, [*rivals, *family])
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
-    verdict = _told_from_others(search, verdict, claimed, family)
+    others = other_families(search, claimed, search.fits[verdict.effects]) if verdict.status == "identified" else []
+    verdict = _told_from_others(search, verdict, others, family)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls)
     verdict = replace(verdict, because="; ".join(filter(None, (verdict.because, shifted))))
     return Discovery(
@@ -288,7 +289,7 @@ def _discovered(
         controls=controls,
         unseen=not_shown,
         unseen_shift=shift,
-        stability=_stability(search.fits, verdict, criteria),
+        stability=_stability(search.fits, others, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
@@ -366,12 +367,11 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _told_from_others(search: EffectSearch, verdict: Verdict, claimed: Fit, family: Sequence[Fit]) -> Verdict:
-    """The verdict with what comes next and, if there are any, what its errors cover."""
+def _told_from_others(search: EffectSearch, verdict: Verdict, others: Sequence[Fit], family: Sequence[Fit]) -> Verdict:
+    """The verdict with what comes next, ``others`` under other conventions included, and what its errors cover."""
     because = [verdict.because]
     if verdict.status == "identified":
-        best = search.fits[verdict.effects]
-        because.append(next_best(search.fits, best, other_families(search, claimed, best), search.criteria))
+        because.append(next_best(search.fits, search.fits[verdict.effects], others, search.criteria))
     if family:
         because.append("standard errors cover its conventions that explain as much")
     return replace(verdict, because="; ".join(filter(None, because)))
@@ -554,12 +554,12 @@ def _not_excluded(
     )
 
 
-def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
+def _stability(fits: Sets, others: Sequence[Fit], verdict: Verdict, criteria: Criteria) -> float:
     # What is partial leads the single effects only: larger sets may fit better, and are not to be believed.
     if verdict.status in ("untested", *INCOMPLETE):
         return float("nan")
     named = verdict.alternatives or ((),)
-    leading = sorted((fit for fit in fits.values() if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
+    leading = sorted((fit for fit in (*fits.values(), *others) if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
     leading += [fits[names] for names in named if fits[names] not in leading]
     shares = win_shares(leading, np.random.default_rng(0), criteria=criteria)
     return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)

@@ -190,8 +190,12 @@ def _fall(base: Fit, best: Fit) -> str:
 
 
 def _penalised_bic(fit: Fit) -> float:
-    """BIC, penalised for effects whose convention was selected from all."""
-    return fit.bic + len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
+    return fit.bic + price_of_conventions(fit)
+
+
+def price_of_conventions(fit: Fit) -> float:
+    """Penalty in BIC for effects whose convention was selected from all."""
+    return len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
 
 
 def _rivals_of_equal_size(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
@@ -227,12 +231,15 @@ def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criter
     ranked = sorted([*others, *filter(sound, under_others)], key=lambda fit: fit.bic)
     second = next(filter(sound, ranked), None)
     clauses = [f"the next best, {_in_full(second)}, has ΔBIC {second.bic - best.bic:.0f}"] if second else []
+    if second and second.variants:
+        clauses.append(f"(selected from {CONVENTION_COUNT})")
     if ranked and ranked[0] is not second:
         # Excluded for its parameters, not for its fit: the reader may judge them differently.
         but = f"but with {doubtful_parameters(ranked[0])[0]} at or beyond its bound"
         clauses.append(f"({_name(ranked[0].effects)} {ranked[0].bic - best.bic:.0f}, {but})")
     most = best.bic + criteria.clearly * overdispersion(best)
-    alike = [_in_full(fit) for fit in ranked if fit.bic < most and passes(fit, criteria)]
+    near = (fit for fit in ranked if fit.bic < most and passes(fit, criteria))
+    alike = ["it" if fit is second else _in_full(fit) for fit in near]
     same = f"{' and '.join(alike)} can look the same" if alike else ""
     return "; ".join(filter(None, (" ".join(clauses), same)))
 
