@@ -328,7 +328,10 @@ def test_an_implausible_convention_must_be_clearly_better_than_a_plausible_one(m
         assert search.fits["a",].variants == {"a": named}
 
 
-def test_what_speaks_beside_a_claim_are_its_conventions_that_explain_as_much_and_the_best_of_other_families():
+def test_what_speaks_beside_a_claim_are_its_conventions_that_explain_as_much_and_the_best_of_other_families(
+    monkeypatch,
+):
+    monkeypatch.setattr(conventions, "with_sampled_errors", lambda fit: fit)
     own = [made("a", 52.0, "near"), made("a", 70.0, "far"), made("a", 49.0, "unfit", p=1e-6)]
     others = [made("b", 58.0, "second"), made("b", 51.0, "first"), made("c", 40.0, "beyond", beyond=("c.x",))]
     search = searched(tried=[*own, *others])

@@ -32,6 +32,7 @@ from sandbot_model.discovery.verdict import (
     selection_penalty,
     sound,
 )
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near, solve_near_unless_hopeless
 from sandbot_model.physics.model import Model, model_of
@@ -150,7 +151,7 @@ def same_family(search: EffectSearch, claimed: Fit, named: Fit) -> list[Fit]:
         if fit.effects == claimed.effects and fit.variants != claimed.variants and fit.bic < most and not fit.model.held
     ]
     near = _best_of_each(others, lambda fit: tuple(fit.variants.items()))
-    return [fit for fit in _fitted_like(search, named, near) if passes(fit, search.criteria)]
+    return [with_sampled_errors(fit) for fit in _fitted_like(search, named, near) if passes(fit, search.criteria)]
 
 
 def _best_of_each(fits: Iterable[Fit], key: Callable[[Fit], Hashable]) -> list[Fit]:
