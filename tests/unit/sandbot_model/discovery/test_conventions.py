@@ -1,18 +1,32 @@
 """A family is named whatever its convention; which one it is, the data say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import admit_rivals, singles, try_single_effects, try_within_pairs
+from sandbot_model.discovery import conventions
+from sandbot_model.discovery.conventions import (
+    admit_rivals,
+    other_families,
+    same_family,
+    singles,
+    try_single_effects,
+    try_within_pairs,
+)
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.nuisances_about import averaged_with
 from sandbot_model.discovery.partial import beyond_its_range
 from sandbot_model.discovery.sharing import has_flexible_nuisances
-from sandbot_model.discovery.verdict import judge
+from sandbot_model.discovery.verdict import judge, sound
+from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.variants import variants_of
 
 FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "inertial_drag")}
 WITH_CABLE = {name: catalogue()[name] for name in ("stance_overlap", "leg_slip", "cable_drag")}
@@ -245,6 +259,109 @@ def test_a_better_fit_with_a_number_nobody_believes_comes_before_a_formula_nobod
     some = {name: catalogue()[name] for name in ("disturbed_ground", "crater_refill", "stance_overlap")}
     search = EffectSearch(cells_of(drawn(formulas=(formula,), seed=5)), some, "simple")
     search.run(1)
+    usual = search.fits["disturbed_ground",]
     try_single_effects(search)
+    # Its own convention has only numbers that are believed, and comes before it.
+    assert named is None or sound(search.fits["disturbed_ground",])
+    search.fits["disturbed_ground",] = usual
     found = beyond_its_range(search)
     assert (found and found[0].effects) == (named and (named,))
+
+
+def made(name, bic, variant="", p=0.5, beyond=()):
+    """A fit of one effect, of which only the numbers that a choice rests on are given."""
+    return SimpleNamespace(
+        effects=(name,) if name else (),
+        variants={name: variant} if variant else {},
+        bic=bic,
+        deviance=bic,
+        lack_of_fit_p=p,
+        goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit={"speed": p}),
+        at_bounds=(),
+        implausible=beyond,
+        parameters={"delta_t_s": (0.4, 0.01)},
+        cells=SimpleNamespace(pure_error_dof=np.full(4, 10_000)),
+        model=SimpleNamespace(effects=(SimpleNamespace(stage="strength", variant=variant),), held={}),
+        warm_start=None,
+        nuisances=None,
+    )
+
+
+def searched(*fits, tried=()):
+    return SimpleNamespace(
+        fits={fit.effects: fit for fit in fits},
+        criteria=DEFAULT,
+        tried=list(tried),
+        other_conventions=list(tried),
+        cells=SimpleNamespace(observables=("speed", "peak_speed")),
+    )
+
+
+BEYOND = ("a.x",)
+
+
+@pytest.mark.parametrize(
+    ("usual", "other", "taken"),
+    [
+        (made("a", 50.0, beyond=BEYOND), made("a", 55.0, "its own"), True),
+        (made("a", 50.0, beyond=BEYOND), made("a", 65.0, "its own"), False),
+        (made("a", 50.0, beyond=BEYOND), made("a", 55.0, "its own", p=1e-6), False),
+        (made("a", 50.0, beyond=BEYOND), made("a", 45.0, "its own", beyond=BEYOND), False),
+        (made("a", 50.0), made("a", 45.0, "its own"), False),
+        (made("a", 50.0), made("a", 35.0, "its own"), True),
+    ],
+)
+def test_a_plausible_convention_comes_before_an_implausible_value_unless_it_is_clearly_worse(
+    monkeypatch, usual, other, taken
+):
+    monkeypatch.setattr(conventions, "solve", lambda task: task)
+    monkeypatch.setattr(conventions, "fitted_at", lambda *_: other)
+    search = searched(made("", 500.0), usual, tried=[other])
+    assert try_single_effects(search) == taken
+    assert search.fits["a",] is (other if taken else usual)
+
+
+def test_an_implausible_convention_must_be_clearly_better_than_a_plausible_one(monkeypatch):
+    usual, own = made("a", 90.0), made("a", 45.0, "its own")
+    monkeypatch.setattr(conventions, "solve", lambda task: task)
+    monkeypatch.setattr(conventions, "fitted_at", lambda model, *_: next(fit for fit in tried if fit.model is model))
+    for bic, named in ((40.0, "its own"), (30.0, "beyond")):
+        tried = [own, made("a", bic, "beyond", beyond=BEYOND)]
+        search = searched(made("", 500.0), usual, tried=tried)
+        assert try_single_effects(search)
+        assert search.fits["a",].variants == {"a": named}
+
+
+def test_what_speaks_beside_a_claim_are_its_conventions_that_explain_as_much_and_the_best_of_other_families(
+    monkeypatch,
+):
+    monkeypatch.setattr(conventions, "with_sampled_errors", lambda fit: fit)
+    own = [made("a", 52.0, "near"), made("a", 70.0, "far"), made("a", 49.0, "unfit", p=1e-6)]
+    others = [made("b", 58.0, "second"), made("b", 51.0, "first"), made("c", 40.0, "beyond", beyond=("c.x",))]
+    search = searched(tried=[*own, *others])
+    picked, beyond, usual = made("a", 50.0, "picked"), made("a", 50.0, beyond=BEYOND), made("a", 50.0)
+    for claimed, covered in ((picked, [own[0]]), (beyond, [own[0]]), (usual, []), (made("a", 55.0), [own[0]])):
+        assert same_family(search, claimed, claimed) == covered
+        assert other_families(search, claimed, claimed) == [others[1]]
+
+
+def test_errors_cover_another_convention_but_not_the_number_of_it(smooth):
+    """What a power of depth is says nothing about a power of ω; Δt, k and eta mean the same under either."""
+    by_name = {variant.variant: variant for variant in variants_of(catalogue()["stance_overlap"])}
+
+    def under(convention, away):
+        model = model_of("simple", ("stance_overlap",), {"stance_overlap": by_name[convention]})
+        theta = [{"stance_overlap.eta": 0.1, "stance_overlap.power": 0.5 + away}.get(name) for name in model.names]
+        kept = dict(zip(smooth.model.names, smooth.point.theta, strict=True))
+        values = [kept[name] if value is None else value for name, value in zip(model.names, theta, strict=True)]
+        values[model.names.index("delta_t_s")] += away
+        return fitted_at(model, smooth.cells, replace(smooth.point, theta=np.array(values)))
+
+    here, there = under("by a power of ω", 0.0), under("by a power of depth", 0.05)
+    there = replace(there, covariance=here.covariance)
+    averaged = averaged_with(here, [there])
+    weight = 1 / (1 + np.exp(0.5 * (there.bic - here.bic)))
+    expected = here.parameters["delta_t_s"].stderr ** 2 + weight * 0.05**2
+    assert averaged.parameters["delta_t_s"].stderr ** 2 == pytest.approx(expected)
+    for name in ("stance_overlap.power", "stance_overlap.eta"):
+        assert averaged.parameters[name].stderr == pytest.approx(here.parameters[name].stderr)

@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, p_of_test, passes
+from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, next_best, p_of_test, passes
 from sandbot_model.fitting.goodness import Estimate
 
 CELLS = 20
@@ -86,7 +86,20 @@ def test_nothing_missing_is_adequate_unless_an_effect_earns_its_claim():
 def test_the_one_set_that_repairs_the_model_is_identified():
     found = judged(BASE, made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8))
     assert (found.status, found.effects, found.alternatives) == ("identified", ("a",), (("a",),))
-    assert "the next best, b, has ΔBIC 230" in found.because
+    assert "leave nothing to explain" in found.because
+
+
+def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_same_if_it_does():
+    best, b = made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8)
+    fits = {fit.effects: fit for fit in (BASE, best, b)}
+    assert next_best(fits, best) == "the next best, b, has ΔBIC 230"
+    tried = [made("c", deviance=62.0, variants=("c",)), made("a", deviance=55.0, variants=("a",))]
+    said = f"the next best, c (another), has ΔBIC 2 (selected from {verdict.CONVENTION_COUNT}); it can look the same"
+    assert next_best(fits, best, tried) == said
+    # Neither is what is clearly worse, shows a lack of fit, or has implausible values.
+    assert next_best(fits, best, [made("c", deviance=80.0)]) == "the next best, c, has ΔBIC 20"
+    assert next_best(fits, best, [made("c", deviance=62.0, p=1e-4)]) == "the next best, c, has ΔBIC 2"
+    assert next_best(fits, best, [made("c", deviance=62.0, at_bounds=("c.x",))]) == next_best(fits, best)
 
 
 def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_among_them():

@@ -14,11 +14,12 @@ measured there, such conventions cannot be distinguished, and none is claimed.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import partial
 
 import numpy as np
 
+from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, nuisances_for
 from sandbot_model.discovery.verdict import (
@@ -31,6 +32,7 @@ from sandbot_model.discovery.verdict import (
     selection_penalty,
     sound,
 )
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near, solve_near_unless_hopeless
 from sandbot_model.physics.model import Model, model_of
@@ -38,13 +40,16 @@ from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant,
 
 PAIRS = 3
 """Pairs, the best by BIC, that are tried under other conventions."""
+NEXT = 3
+"""Other families that are compared with a claim beside its nuisances, the best by BIC."""
 CLOSER = 8
 """Single effects under other conventions, the best by deviance, that also get a global search."""
 
 
 def try_single_effects(search: EffectSearch) -> bool:
-    """Give single effects their best convention where it fits clearly better, also after the penalty for having been
-    selected from all; whether there is any. Each is fitted from warm starts, the best of them then globally.
+    """Give single effects their best convention where it fits clearly better than the usual one, or is plausible where
+    that is not, also after the penalty for having been selected from all; whether there is any. Each is fitted from
+    warm starts, the best of them then globally.
     """
     tried = singles(search)
     picked = selection_penalty(len(tried))
@@ -55,7 +60,7 @@ def try_single_effects(search: EffectSearch) -> bool:
         and _is_identifiable(search, fit)
         and search.fits[()].deviance - fit.deviance
         > claim_threshold(fit, search.criteria) + picked * overdispersion(fit)
-        and _clearly_better(search, fit)
+        and (_clearly_better(search, fit) or _plausible_instead(search, fit))
     ]
     return _adopt(search, better)
 
@@ -86,10 +91,17 @@ def try_within_pairs(search: EffectSearch) -> bool:
 
 
 def _adopt(search: EffectSearch, better: Sequence[Fit]) -> bool:
-    """Replace the usual fits by the best of each set, and refit the best of all globally; whether there are any."""
-    search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
+    """Replace the usual fits by the best of each set, and refit the best of all globally; whether there are any.
+
+    One with implausible parameters must be clearly better than one without.
+    """
+
+    def badness(fit: Fit) -> float:
+        return fit.bic + (0.0 if sound(fit) else search.criteria.clearly * overdispersion(fit))
+
+    search.fits |= {fit.effects: fit for fit in sorted(better, key=badness, reverse=True)}
     if better:
-        best = min(better, key=lambda fit: fit.bic)
+        best = min(better, key=badness)
         global_fit = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
         search.fits[best.effects] = min(best, global_fit, key=_deviance)
     return bool(better)
@@ -121,6 +133,45 @@ def admit_rivals(search: EffectSearch, claimed: Fit) -> bool:
     return True
 
 
+def other_families(search: EffectSearch, claimed: Fit, named: Fit) -> list[Fit]:
+    """The best of those tried under other conventions in the place of a claim, one for each set, at plausible
+    parameters and with the nuisances of ``named``."""
+    others = [fit for fit in search.tried if fit.effects != claimed.effects and sound(fit)]
+    return _fitted_like(search, named, _best_of_each(others, lambda fit: fit.effects)[:NEXT])
+
+
+def same_family(search: EffectSearch, claimed: Fit, named: Fit) -> list[Fit]:
+    """The fits of a named effect under other conventions that show no lack of fit and are not clearly worse, with the
+    nuisances of ``named``: any of them may be true. The catalogue's, if plausible, is doubted only for a better fit."""
+    doubted = bool(claimed.variants) or not sound(claimed)
+    most = claimed.bic + search.criteria.clearly * overdispersion(claimed) * doubted
+    others = [
+        fit
+        for fit in search.tried
+        if fit.effects == claimed.effects and fit.variants != claimed.variants and fit.bic < most and not fit.model.held
+    ]
+    near = _best_of_each(others, lambda fit: tuple(fit.variants.items()))
+    return [with_sampled_errors(fit) for fit in _fitted_like(search, named, near) if passes(fit, search.criteria)]
+
+
+def _best_of_each(fits: Iterable[Fit], key: Callable[[Fit], Hashable]) -> list[Fit]:
+    """Of fits with the same key the best, in order of BIC."""
+    best: dict[Hashable, Fit] = {}
+    for fit in sorted(fits, key=lambda fit: fit.bic):
+        best.setdefault(key(fit), fit)
+    return list(best.values())
+
+
+def _fitted_like(search: EffectSearch, named: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """The same sets, with nuisances if ``named`` has them."""
+    if named.nuisances is None:
+        return list(fits)
+    own = [nuisances_for(fit, search.criteria, batch_sd_of(named)) for fit in fits]
+    tasks = [(fit.model, fit.cells, (fit.warm_start,), at) for fit, at in zip(fits, own, strict=True)]
+    points = search.fit_all(solve_near, tasks)
+    return [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
+
+
 def conventions(fits: Sequence[Fit]) -> dict[str, str]:
     """The convention of each effect of these fits that is not under the catalogue's."""
     return {name: variant for fit in fits for name, variant in fit.variants.items()}
@@ -150,6 +201,13 @@ def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool
     return gains and (sound(fit) or leaves_nothing(fit, search.criteria))
 
 
+def _plausible_instead(search: EffectSearch, fit: Fit) -> bool:
+    """Whether a set shows no lack of fit at plausible parameters, where under the usual convention they are implausible
+    and it fits no clearly better."""
+    usual, margin = search.fits[fit.effects], search.criteria.clearly * overdispersion(fit)
+    return not sound(usual) and passes(fit, search.criteria) and fit.bic < usual.bic + margin
+
+
 def _is_identifiable(search: EffectSearch, fit: Fit) -> bool:
     """Whether more than one observable depends on what the convention changes."""
     stages = {effect.stage for effect in fit.model.effects if effect.variant}
@@ -172,6 +230,7 @@ def _searched_globally(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
     best, rest = ranked[:CLOSER], ranked[CLOSER:]
     points = search.fit_all(solve, [(fit.model, search.cells, fit.warm_start) for fit in best])
     found = search.fits_with_plausible_delta_t([fit.model for fit in best], points)
+    search.tried += found
     return [*(min(both, key=_deviance) for both in zip(best, found, strict=True)), *rest]
 
 
@@ -205,7 +264,9 @@ def _near(
         starts = (smaller.warm_start, *((usual.warm_start,) if usual and gains else ()), *also)
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_near_unless_hopeless, tasks)
-    return search.fits_with_plausible_delta_t(models, points)
+    found = search.fits_with_plausible_delta_t(models, points)
+    search.tried += found
+    return found
 
 
 def _deviance(fit: Fit) -> float:

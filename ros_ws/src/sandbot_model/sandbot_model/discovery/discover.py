@@ -26,6 +26,8 @@ from sandbot_model.discovery.candidates import Candidate, candidates, nearly_cla
 from sandbot_model.discovery.conventions import (
     admit_rivals,
     conventions,
+    other_families,
+    same_family,
     try_beside_the_leader,
     try_single_effects,
     try_within_pairs,
@@ -68,6 +70,7 @@ from sandbot_model.discovery.verdict import (
     Verdict,
     judge,
     leaves_nothing,
+    next_best,
     p_in_words,
     refused_as_implausible,
     sound,
@@ -253,6 +256,7 @@ def _discovered(
     preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
+    claimed = search.fits[found.verdict.effects]
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
@@ -270,9 +274,12 @@ def _discovered(
     known = {fit.effects for fit in rivals}
     rivals += [fit for fit in equally_simple(reported, hidden) if fit.effects not in known]
     shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
-    reported = averaged_with(reported, rivals)
+    family = same_family(search, claimed, named)
+    reported = averaged_with(reported, [*rivals, *family])
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if _telling(trials, criteria) else _controls(search, verdict)
+    others = other_families(search, claimed, search.fits[verdict.effects]) if verdict.status == "identified" else []
+    verdict = _told_from_others(search, verdict, others, family)
     verdict = _with_remarks(search, verdict, named, not_shown, trials, out_of_reach, controls).with_remarks(shifted)
     return Discovery(
         model=base,
@@ -287,7 +294,7 @@ def _discovered(
         controls=controls,
         unseen=not_shown,
         unseen_shift=shift,
-        stability=_stability(search.fits, verdict, criteria),
+        stability=_stability(search.fits, others, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=_residual_formula(search, verdict, found.formula) if not doubted else None,
         partial=partial,
@@ -370,6 +377,16 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     # Along a flat valley the lowest point may be implausible.
     named = lower if sound(lower) or not sound(named) else named
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
+
+
+def _told_from_others(search: EffectSearch, verdict: Verdict, others: Sequence[Fit], family: Sequence[Fit]) -> Verdict:
+    """The verdict with what comes next, ``others`` under other conventions included, and what its errors cover."""
+    because = [verdict.because]
+    if verdict.status == "identified":
+        because.append(next_best(search.fits, search.fits[verdict.effects], others, search.criteria))
+    if family:
+        because.append("standard errors cover its conventions that explain as much")
+    return replace(verdict, because="; ".join(filter(None, because)))
 
 
 def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
@@ -558,12 +575,12 @@ def _not_excluded(
     )
 
 
-def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
+def _stability(fits: Sets, others: Sequence[Fit], verdict: Verdict, criteria: Criteria) -> float:
     # What is partial leads the single effects only: larger sets may fit better, and are not to be believed.
     if verdict.status in ("untested", *INCOMPLETE):
         return float("nan")
     named = verdict.alternatives or ((),)
-    leading = sorted((fit for fit in fits.values() if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
+    leading = sorted((fit for fit in (*fits.values(), *others) if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
     leading += [fits[names] for names in named if fits[names] not in leading]
     shares = win_shares(leading, np.random.default_rng(0), criteria=criteria)
     return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)

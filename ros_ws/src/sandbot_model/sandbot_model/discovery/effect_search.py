@@ -75,6 +75,8 @@ class EffectSearch:
         self.fits: dict[Names, Fit] = {}
         self.other_conventions: list[Fit] | None = None
         """Cache: single effects under other conventions (``conventions``)."""
+        self.tried: list[Fit] = []
+        """Every set fitted under another convention than the catalogue's, also those that are none of ``fits``."""
         self.with_nuisances: dict[tuple[object, ...], Fit] = {}
         """Cache: sets fitted with nuisances, by their batch SDs and starting fits (``sharing``)."""
         self.base_on_rough_bed: Fit | None = None

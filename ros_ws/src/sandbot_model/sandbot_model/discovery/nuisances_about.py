@@ -28,6 +28,7 @@ from sandbot_model.fitting.nuisances import (
 )
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.variants import NEW
 
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 """Observables measured along the track."""
@@ -133,7 +134,7 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
 def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
     """The same fit with the rms errors about it of all models, each with its BIC weight: any of them may be true.
 
-    Each of the ``others`` has all parameters of the fit.
+    What another model lacks, and the number of a convention, which means another thing there, keep their own errors.
     """
     if not others:
         return fit
@@ -147,11 +148,17 @@ def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
 
 def _moments_about(fit: Fit, other: Fit) -> Array:
     """Second moments of another model's unknowns about a fit's, for the unknowns of the fit."""
-    names = list(other.model.names)
-    own = [*map(names.index, fit.model.names), *range(len(names), len(names) + len(fit.point.ln_k))]
-    there, here = (np.concatenate([one.point.theta, one.point.ln_k]) for one in (other, fit))
-    away = np.where(np.isfinite(fit.stderr + other.stderr[own]), there[own] - here, 0.0)
-    return np.asarray(other.covariance[np.ix_(own, own)] + np.outer(away, away))
+    ours, names, levels = fit.model.names, list(other.model.names), np.arange(len(fit.point.ln_k))
+    both = [at for at, name in enumerate(ours) if name in names and fit.model.parameter(name).doc != NEW]
+    here = np.array([*both, *len(ours) + levels], dtype=np.int64)
+    there = np.array([*(names.index(ours[at]) for at in both), *len(names) + levels], dtype=np.int64)
+    values = [np.concatenate([one.point.theta, one.point.ln_k])[at] for one, at in ((other, there), (fit, here))]
+    away = np.where(np.isfinite(fit.stderr[here] + other.stderr[there]), values[0] - values[1], 0.0)
+    alone = np.setdiff1d(np.arange(len(fit.stderr)), here)
+    moments = np.zeros_like(fit.covariance)
+    moments[np.ix_(alone, alone)] = fit.covariance[np.ix_(alone, alone)]
+    moments[np.ix_(here, here)] = other.covariance[np.ix_(there, there)] + np.outer(away, away)
+    return moments
 
 
 def _scatter_posterior(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:

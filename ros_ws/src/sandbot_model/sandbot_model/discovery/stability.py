@@ -2,7 +2,7 @@
 
 Each draw adds noise with the cell means' covariance to the data; to first order a set's misfit is then its residual
 plus the noise, less what its parameters can absorb. No fit is repeated, so hundreds of draws cost milliseconds. In each
-draw an effect must gain what a claim takes (``verdict.claim_threshold``).
+draw an effect must gain what a claim takes (``verdict.claim_threshold``), and a convention what its selection costs.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.verdict import claim_threshold
+from sandbot_model.discovery.verdict import claim_threshold, price_of_conventions
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.physics.arrays import Array
@@ -23,7 +23,8 @@ def win_shares(
 ) -> list[float]:
     """Share of draws in which each of the sets is best, by BIC plus the price of a claim for every effect in it."""
     noise = rng.normal(size=(fits[0].state.all_residuals.size, draws))
-    scores = np.stack([_bic(fit, noise) + claim_threshold(fit, criteria) * len(fit.effects) for fit in fits])
+    prices = [claim_threshold(fit, criteria) * len(fit.effects) + price_of_conventions(fit) for fit in fits]
+    scores = np.stack([_bic(fit, noise) + price for fit, price in zip(fits, prices, strict=True)])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
 

@@ -191,7 +191,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
                 f" (one with a formula selected from {CONVENTION_COUNT})" if rivals[-1].bic - best.bic >= margin else ""
             ),
         )
-    return Verdict("identified", best.effects, (best.effects,), although + _because(fits, best))
+    return Verdict("identified", best.effects, (best.effects,), although + _because(base, best))
 
 
 def _base_suffices(base: Fit) -> str:
@@ -213,8 +213,12 @@ def _fall(base: Fit, best: Fit) -> str:
 
 
 def _penalised_bic(fit: Fit) -> float:
-    """BIC, penalised for effects whose convention was selected from all."""
-    return fit.bic + len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
+    return fit.bic + price_of_conventions(fit)
+
+
+def price_of_conventions(fit: Fit) -> float:
+    """Penalty in BIC for effects whose convention was selected from all."""
+    return len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
 
 
 def _rivals_of_equal_size(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
@@ -233,20 +237,34 @@ def parts_of(names: tuple[str, ...], fits: Sets) -> list[tuple[str, ...]]:
     return [part for part in combinations(names, len(names) - 1) if part in fits] if names else []
 
 
-def _because(fits: Sets, best: Fit) -> str:
-    base = fits[()]
-    others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit is not best]
-    second = min(filter(sound, others), key=lambda fit: fit.bic, default=None)
-    rest = f"; the next best, {_name(second.effects)}, has ΔBIC {second.bic - best.bic:.0f}" if second else ""
-    nearest = min(others, key=lambda fit: fit.bic, default=None)
-    if nearest is not None and nearest is not second:
-        # Excluded for its parameters, not for its fit: the reader may judge them differently.
-        but = f"but with {doubtful_parameters(nearest)[0]} at or beyond its bound"
-        rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
+def _because(base: Fit, best: Fit) -> str:
     return (
         f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
-        f"leave nothing to explain {p_in_words(best)}{rest}"
+        f"leave nothing to explain {p_in_words(best)}"
     )
+
+
+def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> str:
+    """One clause: the best other set of as many effects, those ``tried`` under other conventions included, and all that
+    can look the same; empty if there is none."""
+    others, under_others = (
+        [fit for fit in some if fit.effects != best.effects and len(fit.effects) == len(best.effects)]
+        for some in (fits.values(), tried)
+    )
+    ranked = sorted([*others, *filter(sound, under_others)], key=lambda fit: fit.bic)
+    second = next(filter(sound, ranked), None)
+    clauses = [f"the next best, {_in_full(second)}, has ΔBIC {second.bic - best.bic:.0f}"] if second else []
+    if second and second.variants:
+        clauses.append(f"(selected from {CONVENTION_COUNT})")
+    if ranked and ranked[0] is not second:
+        # Excluded for its parameters, not for its fit: the reader may judge them differently.
+        but = f"but with {doubtful_parameters(ranked[0])[0]} at or beyond its bound"
+        clauses.append(f"({_name(ranked[0].effects)} {ranked[0].bic - best.bic:.0f}, {but})")
+    most = best.bic + criteria.clearly * overdispersion(best)
+    near = (fit for fit in ranked if fit.bic < most and passes(fit, criteria))
+    alike = ["it" if fit is second else _in_full(fit) for fit in near]
+    same = f"{' and '.join(alike)} can look the same" if alike else ""
+    return "; ".join(filter(None, (" ".join(clauses), same)))
 
 
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
@@ -337,6 +355,11 @@ _NONE_TRIED = "no effect was tried (--max-effects 0)"
 
 def _name(effects: tuple[str, ...]) -> str:
     return " + ".join(effects) or "the base model"
+
+
+def _in_full(fit: Fit) -> str:
+    """A set and the conventions in it that are not the catalogue's."""
+    return " + ".join(f"{name} ({fit.variants[name]})" if name in fit.variants else name for name in fit.effects)
 
 
 def either(sets: Iterable[tuple[str, ...]]) -> str:
