@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_record.trials.copies import also_in, mark_copies
+from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.frame import from_frame
 from sandbot_record.trials.read import read
+from sandbot_record.trials.same_trials import also_in
 from sandbot_record.trials.table import Row
 
 
@@ -126,12 +127,12 @@ def test_a_table_in_another_row_order_or_a_part_of_it_is_in_the_table(how):
     rows = table(phi=SIX_PHI, **how)
     again = shuffled(rows)
     for part in (again, again[:8]):
-        assert also_in(part, rows) == {row.trial_id for row in part}
+        assert set(also_in(part, rows)) == {row.trial_id for row in part}
         assert len(also_in(rows, part)) == len(part)
     # Control: neither contains the other.
     changed = replace(again[0], speed_m_s=0.1234)
-    assert also_in([changed, *again[1:]], rows) == set()
-    assert also_in([*again[1:], again[1]], rows) == set()
+    assert also_in([changed, *again[1:]], rows) == {}
+    assert also_in([*again[1:], again[1]], rows) == {}
 
 
 @pytest.mark.parametrize(("decimals", "scatter"), [(2, 5e-3), (3, 5e-4)])
@@ -141,9 +142,9 @@ def test_a_day_all_of_whose_rounded_values_another_day_has_too_is_a_day(decimals
     assert {(row.phi, row.omega_rad_s, row.speed_m_s) for row in day} <= {
         (row.phi, row.omega_rad_s, row.speed_m_s) for row in rows
     }
-    assert also_in(day, rows) == set()
+    assert also_in(day, rows) == {}
     single = table(decimals=3)
-    assert also_in([replace(single[2], trial_id="again")], single) == set()
+    assert also_in([replace(single[2], trial_id="again")], single) == {}
 
 
 def test_a_table_given_again_in_another_row_order_counts_once(tmp_path):
