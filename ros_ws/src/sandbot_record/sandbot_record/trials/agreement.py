@@ -17,53 +17,50 @@ _LEAST = 2
 """Decimals and digits that every column has, though zeros at their end are not seen: 0.60, 20."""
 
 
-def agreeing(rows: Sequence[Row], other: Sequence[Row]) -> list[tuple[Row, Row]]:
-    """Pairs of a row and one of another table that agree; each row occurs once at most, and needs a speed."""
-    first, second = _Written.of(rows), _Written.of(other)
-    order = np.argsort(second.values[:, _SPEED], kind="stable")
-    speeds = second.values[order, _SPEED]
-    widest = np.nanmax(second.steps[:, _SPEED], initial=0.0)
-    free = np.ones(len(other), dtype=bool)
-    found = []
-    for at, (speed, step) in enumerate(zip(first.values[:, _SPEED], first.steps[:, _SPEED], strict=True)):
-        reach = max(step, widest)
-        near = order[np.searchsorted(speeds, speed - reach) : np.searchsorted(speeds, speed + reach)]
-        near = near[free[near]]
-        near = near[_agree(first.select(np.array([at])), second.select(near))]
-        if near.size:
-            free[near.min()] = False
-            found.append((rows[at], other[near.min()]))
-    return found
-
-
-def agree(rows: Sequence[Row], other: Sequence[Row]) -> NDArray[np.bool_]:
-    """Whether each row agrees with that of the other table at the same index; shape (n,)."""
-    return _agree(_Written.of(rows), _Written.of(other))
-
-
 @dataclass(frozen=True)
-class _Written:
-    """Values of shape (n, 6) and the steps to which they were rounded, and gaits; NaN and "": not given."""
+class Written:
+    """Rows as arrays: values of shape (n, 6), the steps to which they were rounded, gaits; NaN and "": not given."""
 
     values: Floats
     steps: Floats
     gaits: NDArray[np.str_]
 
     @classmethod
-    def of(cls, rows: Sequence[Row]) -> "_Written":
+    def of(cls, rows: Sequence[Row]) -> "Written":
+        """The rows of one table, whose values of a column were rounded alike."""
         values = np.array([[getattr(row, name) for name in _VALUES] for row in rows]).reshape(-1, len(_VALUES))
         steps = np.array([_steps(column) for column in values.T]).T
         return cls(values, steps, np.array([row.gait for row in rows], dtype=np.str_))
 
-    def select(self, which: NDArray[np.int_]) -> "_Written":
-        return _Written(self.values[which], self.steps[which], self.gaits[which])
+    def select(self, which: NDArray[np.int_] | slice) -> "Written":
+        """The rows selected by indices."""
+        return Written(self.values[which], self.steps[which], self.gaits[which])
 
 
-def _agree(first: _Written, second: _Written) -> NDArray[np.bool_]:
+def agreeing(first: Written, second: Written) -> list[tuple[int, int]]:
+    """Indices of pairs of a row and one of another table that agree; each row has a speed and occurs at most once."""
+    order = np.argsort(second.values[:, _SPEED], kind="stable")
+    speeds = second.values[order, _SPEED]
+    widest = second.steps[:, _SPEED].max(initial=0.0)
+    free = np.ones(len(order), dtype=bool)
+    found = []
+    for at, (speed, step) in enumerate(zip(first.values[:, _SPEED], first.steps[:, _SPEED], strict=True)):
+        reach = max(step, widest)
+        near = order[np.searchsorted(speeds, speed - reach) : np.searchsorted(speeds, speed + reach)]
+        near = near[free[near]]
+        if near.size and (near := near[agree(first.select(slice(at, at + 1)), second.select(near))]).size:
+            free[near.min()] = False
+            found.append((at, int(near.min())))
+    return found
+
+
+def agree(first: Written, second: Written) -> NDArray[np.bool_]:
+    """Whether each row agrees with that of the other table at the same index, or with its only one; shape (n,)."""
     # A little more than half a step, because a tie may be rounded either way. NaN differs from nothing.
     within = 0.501 * np.fmax(first.steps, second.steps)
-    alike = ~(np.abs(first.values - second.values) > within).any(axis=1)
-    return alike & ((first.gaits == second.gaits) | (first.gaits == "") | (second.gaits == ""))
+    differ = (np.abs(first.values - second.values) > within).any(axis=1)
+    gaits_differ = (first.gaits != second.gaits) & (first.gaits != "") & (second.gaits != "")
+    return np.asarray(~(differ | gaits_differ))
 
 
 def _steps(column: Floats) -> Floats:

@@ -154,7 +154,7 @@ def measured(row: Row) -> tuple[float, ...]:
 
 
 def measures_phi(rows: Sequence[Row]) -> bool:
-    """Whether φ was measured in each trial: it is a set-point, or that of a preparation, if many trials have the same."""
+    """Whether φ was measured in each trial; if many have the same, it is a set-point or that of a preparation."""
     return 2 * len({row.phi for row in rows}) > len({(row.phi, row.speed_m_s) for row in rows})
 
 
@@ -168,6 +168,7 @@ def _values(row: Row) -> str:
 
 
 def set_point(row: Row) -> tuple[float, float, str]:
+    """What replicates have in common: φ as aimed at, ω in rad/s and the gait."""
     return round(row.phi, SET_POINT_DECIMALS), row.omega_rad_s, row.gait
 
 

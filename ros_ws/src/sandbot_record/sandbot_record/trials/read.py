@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, islice
 from pathlib import Path
 
 from sandbot_common.errors import InputError
@@ -10,7 +11,7 @@ from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.from_bags import campaign, table_of, trial_from_bag
 from sandbot_record.trials.order import in_order
-from sandbot_record.trials.same_trials import merged, same_trials
+from sandbot_record.trials.same_trials import Table, merged, overlap, same_trials
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import Row, Trials, check_ids, check_usable, from_rows
 
@@ -44,7 +45,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     rows, restarted = in_order(batched)
     notes += [f"run_order starts again in {given[at]}, assumed later than the data before it" for at in restarted]
     rows, copied = mark_copies(rows)
-    notes += [*_similar_batches(rows), *copied]
+    notes += [*_similar_batches(rows), *copied, *_overlaps(given, batched, rows)]
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
@@ -84,20 +85,20 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list
     table of which some are."""
     joined: list[list[Row]] = []
     notes: list[str] = []
-    place: list[dict[str, tuple[int, int]]] = []  # of each table's trials in ``joined``
+    earlier: list[tuple[Table, dict[str, tuple[int, int]]]] = []  # each with the places of its trials in ``joined``
     first_with: dict[str, Path] = {}
     for path, table in zip(given, tables, strict=True):
-        own, campaign_of = table.rows(), _campaign_of(Path(path))
-        check_ids(own, [str(path)] * len(own))
+        own, campaign_of = Table(table.rows()), _campaign_of(Path(path))
+        check_ids(own.rows, [str(path)] * len(own.rows))
         known: dict[str, tuple[int, int]] = {}
-        for earlier, places in zip(tables, place, strict=False):
-            known = {name: places[there] for name, there in same_trials(own, earlier.rows()).items()} | known
+        for other, place in earlier:
+            known = {name: place[there] for name, there in same_trials(own, other).items()} | known
         if known:
             notes.append(f"{len(known)} trials of {path} are also in the data before it and are counted once")
         taken = {row.trial_id for earlier_rows in joined for row in earlier_rows}
         joined.append([])
-        place.append(known)
-        for row in own:
+        earlier.append((own, known))
+        for row in own.rows:
             if row.trial_id in known:
                 at, index = known[row.trial_id]
                 joined[at][index] = merged(joined[at][index], row)
@@ -109,6 +110,18 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list
             known[row.trial_id] = len(joined) - 1, len(joined[-1])
             joined[-1].append(replace(row, trial_id=trial_id, batch=batch))
     return joined, notes
+
+
+def _overlaps(given: Sequence[Path | str], tables: Sequence[Sequence[Row]], rows: Sequence[Row]) -> list[str]:
+    """A note on each two tables that seem to share trials, none of which is certain; ``rows``: those of all tables."""
+    each = iter(rows)
+    left = [(path, Table(list(islice(each, len(own))))) for path, own in zip(given, tables, strict=True)]
+    return [
+        f"{number} trials of {path} have the values of trials of {before}, as far as both give digits, and are counted "
+        "as others: if they are the same, leave them out of one of both"
+        for (before, earlier), (path, later) in combinations(left, 2)
+        if (number := overlap(later, earlier))
+    ]
 
 
 def _campaign_of(path: Path) -> Path:
