@@ -24,8 +24,8 @@ def read_csv(
     The separator may also be a tab, a semicolon, what a first line such as ``sep=;`` names, or spaces if nothing else
     fits; with these, numbers may have a decimal comma. A title or comment lines (#) may come first; the last comment is
     the header if no other follows. Comments between rows are skipped, and so is a repeated header, as in concatenated
-    files. Columns that ``matters`` selects must be unique, and lines above the first that has one are titles. With ``notes``, text that is not UTF-8 is
-    read as Windows-1252, and that is noted there.
+    files. Columns that ``matters`` selects must be unique, and lines above the first that has one are titles. With
+    ``notes``, text that is not UTF-8 is read as Windows-1252, and that is noted there. Raises InputError.
     """
     text = read_text(path, needed, notes=notes)
     if "\0" in text:
