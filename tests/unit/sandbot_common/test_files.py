@@ -218,6 +218,9 @@ def test_reads_a_csv_by_column_with_the_number_of_each_row(tmp_path):
         ("a,b,remark\n1,2,ok\n3,4,ok, dry\n", "row 3: 4 values for 3 columns"),
         ("a,b,a\n1,2,3\n", "row 1: column a is there twice"),
         ('a,b\n"1,2\n', "not a CSV"),
+        ("a\0,\0b\0\n", "has NUL bytes, as UTF-16 without a byte order mark: save it as UTF-8"),
+        ('[{"a": 1, "b": 2}]', "is JSON, a CSV file is needed"),
+        ("a,b\n1,2\nsecond day\n", "row 3: 1 value for 2 columns"),
     ],
 )
 def test_refuses_a_csv_whose_rows_do_not_fit(tmp_path, text, complaint):
@@ -225,6 +228,12 @@ def test_refuses_a_csv_whose_rows_do_not_fit(tmp_path, text, complaint):
     path.write_text(text)
     with pytest.raises(InputError, match=complaint):
         list(read_csv(path)[1])
+
+
+def test_comments_between_rows_are_skipped(tmp_path):
+    """A row whose first value begins with # is one."""
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n# second day\n#3,4\n# third,,\n")
+    assert [number for number, _ in read_csv(tmp_path / "t.csv")[1]] == [2, 4]
 
 
 def rows_of(path, text):

@@ -23,11 +23,15 @@ def read_csv(
 
     The separator may also be a tab, a semicolon, what a first line such as ``sep=;`` names, or spaces if nothing else
     fits; with these, numbers may have a decimal comma. A title or comment lines (#) may come first; the last comment is
-    the header if no other follows. A repeated header, as in concatenated files, is skipped. Columns that ``matters``
-    selects must be unique, and lines above the first that has one are titles. With ``notes``, text that is not UTF-8 is
-    read as Windows-1252, and that is noted there.
+    the header if no other follows. Comments between rows are skipped, and so is a repeated header, as in concatenated
+    files. Columns that ``matters`` selects must be unique, and lines above the first that has one are titles. With
+    ``notes``, text that is not UTF-8 is read as Windows-1252, and that is noted there. Raises InputError.
     """
     text = read_text(path, needed, notes=notes)
+    if "\0" in text:
+        raise InputError(f"{path}: has NUL bytes, as UTF-16 without a byte order mark: save it as UTF-8 (CSV UTF-8)")
+    if text.lstrip().startswith(("[{", "{", "[[")):
+        raise InputError(f"{path}: is JSON, {needed} is needed")
     try:
         table = _table(text, matters)
     except csv.Error as error:
@@ -106,7 +110,11 @@ def _split(text: str, separator: str, matters: Callable[[str], bool]) -> _Table:
     # A byte order mark may occur inside concatenated files.
     lines = [[cell.strip().strip("\ufeff").strip() for cell in line] for line in reader]
     header, first = _header(lines, matters)
-    rows = [(at, cells) for at, cells in enumerate(lines[first:], start=first + 1) if any(cells) and cells != header]
+    rows = [
+        (at, cells)
+        for at, cells in enumerate(lines[first:], start=first + 1)
+        if any(cells) and cells != header and not (_comment(cells) and not any(cells[1:]))
+    ]
     # R writes row numbers without a column name.
     if rows and [cells[: -len(header)] for _, cells in rows] == [[str(at + 1)] for at in range(len(rows))]:
         header = ["", *header]

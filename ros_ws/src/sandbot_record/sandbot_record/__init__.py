@@ -21,6 +21,7 @@ bags/             (knows nothing of trials)
 trials/
   read            read_trials: one table from a campaign folder, bags or CSV files
   table           Trials: one row per trial; columns: what they hold; order, copies: of its rows
+  same_trials     trials that two tables share; agreement: in the digits that both give
   csv_table       from and to CSV; header: which column a name means, in which unit; frame: from pandas
   setting         what all trials share: robot, frame rate, accuracy
   from_bags       one bag to one row; a campaign to a table, in parallel; cache: so that no bag is read twice

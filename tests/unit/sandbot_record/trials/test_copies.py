@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_record.trials.copies import also_in, mark_copies
+from sandbot_record.trials.copies import mark_copies
+from sandbot_record.trials.csv_table import to_csv
 from sandbot_record.trials.frame import from_frame
 from sandbot_record.trials.read import read
-from sandbot_record.trials.table import Row
+from sandbot_record.trials.same_trials import Table, same_trials
+from sandbot_record.trials.table import Row, from_rows
 
 
 def table(seed=1, *, phi=(0.6, 0.62), decimals=9, replicates=3, scatter=0.005, missed=0.0):
@@ -114,6 +116,10 @@ def test_trials_that_failed_alike_are_no_copies():
     assert mark_copies(rows) == (rows, [])
 
 
+def also_in(rows, other):
+    return same_trials(Table(rows), Table(other))
+
+
 def shuffled(rows, seed=0):
     order = np.random.default_rng(seed).permutation(len(rows))
     return [replace(rows[at], trial_id=f"again{n}", batch="Tue") for n, at in enumerate(order)]
@@ -126,12 +132,12 @@ def test_a_table_in_another_row_order_or_a_part_of_it_is_in_the_table(how):
     rows = table(phi=SIX_PHI, **how)
     again = shuffled(rows)
     for part in (again, again[:8]):
-        assert also_in(part, rows) == {row.trial_id for row in part}
+        assert set(also_in(part, rows)) == {row.trial_id for row in part}
         assert len(also_in(rows, part)) == len(part)
     # Control: neither contains the other.
     changed = replace(again[0], speed_m_s=0.1234)
-    assert also_in([changed, *again[1:]], rows) == set()
-    assert also_in([*again[1:], again[1]], rows) == set()
+    assert also_in([changed, *again[1:]], rows) == {}
+    assert also_in([*again[1:], again[1]], rows) == {}
 
 
 @pytest.mark.parametrize(("decimals", "scatter"), [(2, 5e-3), (3, 5e-4)])
@@ -141,9 +147,9 @@ def test_a_day_all_of_whose_rounded_values_another_day_has_too_is_a_day(decimals
     assert {(row.phi, row.omega_rad_s, row.speed_m_s) for row in day} <= {
         (row.phi, row.omega_rad_s, row.speed_m_s) for row in rows
     }
-    assert also_in(day, rows) == set()
+    assert also_in(day, rows) == {}
     single = table(decimals=3)
-    assert also_in([replace(single[2], trial_id="again")], single) == set()
+    assert also_in([replace(single[2], trial_id="again")], single) == {}
 
 
 def test_a_table_given_again_in_another_row_order_counts_once(tmp_path):
@@ -158,6 +164,72 @@ def test_a_table_given_again_in_another_row_order_counts_once(tmp_path):
         f"{len(rows)} trials of {tmp_path / 'b.csv'} are also in the data before it and are counted once",
     )
     assert len(read([tmp_path / "a.csv", tmp_path / "c.csv"])) == 2 * len(rows)
+
+
+def campaign(seed=1):
+    """Trials of which all is measured, in full digits."""
+    random = np.random.default_rng(seed)
+    return [
+        replace(row, phi=random.normal(row.phi, 1e-3), lift_m=random.normal(0.01, 1e-3),
+                first_step_m=random.normal(0.04, 1e-3))
+        for row in table(seed, phi=SIX_PHI, decimals=17)
+    ]  # fmt: skip
+
+
+def rounded(rows, decimals):
+    values = ("phi", "speed_m_s", "lift_m", "first_step_m")
+    return [replace(row, **{name: round(getattr(row, name), decimals) for name in values}) for row in rows]
+
+
+def bare(rows):
+    return [replace(row, lift_m=math.nan, first_step_m=math.nan) for row in rows]
+
+
+def days(tmp_path, *tables, names=True):
+    """Each table as a CSV."""
+    for number, rows in enumerate(tables):
+        rows = rows if names else [replace(row, trial_id="") for row in rows]
+        (tmp_path / f"{number}.csv").write_text(to_csv(from_rows(rows)))
+    return [tmp_path / f"{number}.csv" for number in range(len(tables))]
+
+
+@pytest.mark.parametrize("names", [True, False])
+@pytest.mark.parametrize("fewer", [bare, lambda rows: rounded(rows, 4), lambda rows: bare(rounded(rows, 4))])
+def test_a_trial_given_twice_once_with_fewer_columns_or_digits_counts_once_and_in_full(tmp_path, names, fewer):
+    rows = campaign()
+    once = read(days(tmp_path, rows, names=names))
+    for first, second in ((rows, fewer(rows)), (fewer(rows), rows), (rows, fewer(rows)[5:20])):
+        found = read(days(tmp_path, first, second, names=names))
+        assert [str(row) for row in found.rows()] == [str(row) for row in once.rows()]
+        assert found.unread[0].startswith(f"{len(second)} trials of {tmp_path / '1.csv'} are also in the data")
+    # Control: another day of the same plan, with the same names.
+    other = read(days(tmp_path, rows, fewer(campaign(2)), names=names))
+    assert (int(other.usable.sum()), len(other.unread)) == (2 * len(rows), 1)
+
+
+def test_of_trials_with_an_exact_and_a_bare_row_in_one_table_the_fuller_counts():
+    rows = campaign()
+    again = [replace(row, trial_id=f"bare{row.trial_id}") for row in bare(rows[:5])]
+    found, _ = mark_copies([*again, *rows])
+    assert [row.trial_id for row in found if row.status != "ok"] == [row.trial_id for row in again]
+    # Control: φ of a set-point says nothing, and one long value may be a ratio.
+    rows = table(phi=SIX_PHI, decimals=17)
+    assert copies([*rows, *(replace(row, trial_id=f"else{row.trial_id}") for row in rows[::7])]) == []
+
+
+def test_a_value_that_one_of_both_rows_contradicts_makes_two_trials(tmp_path):
+    rows = campaign()
+    other = [replace(row, lift_m=row.lift_m + 2e-4) for row in rounded(rows, 4)]
+    assert int(read(days(tmp_path, rows, other)).usable.sum()) == 2 * len(rows)
+
+
+def test_tables_that_share_rounded_trials_in_part_are_told_of(tmp_path):
+    rows, others = campaign(), campaign(2)
+    both = read(days(tmp_path, rows, [*rounded(others, 4)[:20], *rounded(rows, 4)[20:]], names=False))
+    assert len(both) == 72
+    assert [note for note in both.unread if note.startswith("16 trials of ") and "as far as both give digits" in note]
+    both = read(days(tmp_path, rows, rounded(others, 4), names=False))
+    assert not [note for note in both.unread if "as far as" in note]
 
 
 def test_by_either_door(tmp_path):

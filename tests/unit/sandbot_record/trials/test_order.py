@@ -39,6 +39,29 @@ def test_trials_of_a_day_whose_hour_nobody_tells_share_their_place(days):
     ]
 
 
+@pytest.mark.parametrize(
+    "started",
+    [
+        ("03.05.2024 09:00", "03.05.2024 09:07", "01.06.2024 08:00"),
+        ("2024/05/03 09:00:00", "2024/05/03 09:07:00", "2024/06/01 08:00:00"),
+        ("5/1/24 9:00 AM", "5/1/24 1:00 PM", "5/13/24 8:00 AM"),
+        ("13/05/2024", "14/05/2024", "01/06/2024"),
+        ("05/03/2024 09:00", "05/03/2024 09:07", "05/04/2024 08:00"),
+        ("03 May 2024 09:00", "03 May 2024 09:07", "01 Jun 2024 08:00"),
+        ("45415.375", "45415.38", "45444.3"),
+        ("1714726800", "1714727220", "1717228800"),
+    ],
+)
+def test_dates_of_spreadsheets_tell_the_order(started):
+    assert orders(ordered_by_start(rows(*started), joined=False)) == [1, 2, 3]
+    assert orders(ordered_by_start(rows(*reversed(started)), joined=False)) == [3, 2, 1]
+
+
+def test_a_date_that_may_be_in_either_of_two_months_tells_no_order():
+    assert ordered_by_start(rows("05/03/2024", "04/06/2024"), joined=False) is None
+    assert ordered_by_start(rows("13/05/2024", "05/13/2024"), joined=False) is None
+
+
 def test_numbers_stand_unless_several_tables_count_alike():
     some = rows("2026-11-25T10:02:00", "2026-11-25T10:01:00", run_order=5.0)
     assert ordered_by_start(some, joined=False) is None

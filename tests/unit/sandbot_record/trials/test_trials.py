@@ -92,6 +92,16 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
             "phi_target,phi_measured,omega_rad_s,speed_m_s\n.6,.61,8,.2\n",
             "column phi is missing; of 'phi_target' and 'phi_measured' call the one that was measured phi",
         ),
+        *(
+            (f"{header}\n.6,8,.2,.2,.2\n", f"column {name} is missing; one row per trial is needed: of several columns")
+            for header, name in (
+                ("phi,omega_rad_s,v1,v2,v3", "speed_m_s"),
+                ("phi,omega_rad_s,speed_1 [m/s],speed_2 [m/s],speed_3 [m/s]", "speed_m_s"),
+                ("x,omega_rad_s,phi=0.580,phi=0.600,phi=0.633", "phi"),
+            )
+        ),
+        (GOOD + ",,0.2\n", "row 4, column phi: empty; .*; a cell merged over several rows has to be filled down"),
+        ("phi,omega [radians],speed_m_s\n.6,8,.2\n", "has a unit that is not known"),
         (GOOD + "0.6,8,20%\n", "row 4, column speed_m_s: '20%' is not a number"),
         (GOOD + "60.0.1%,8,0.2\n", "row 4, column phi: '60.0.1' is not a number"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
@@ -142,11 +152,34 @@ def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
     assert "t.csv" in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("header", "omega"),
+    [
+        ("φ (–),ω/(rad/s),v/(m/s)", 8),
+        ("φ/%,f/Hz,v / (m s⁻¹)", 16 * np.pi),
+        ("phi,omega_rad_per_s,speed_m_per_s", 8),
+        ("phi,omega in rad/s,speed in m/s", 8),
+        ('phi,"omega, rad/s","v, m/s"', 8),
+    ],
+)
+def test_a_unit_is_read_as_standards_and_people_write_it(tmp_path, header, omega):
+    table = read(write(tmp_path, f"{header}\n{60 if '%' in header else 0.6},8,0.2\n"))
+    assert table.omega_rad_s == pytest.approx([omega])
+    assert (*table.phi, *table.speed_m_s) == (pytest.approx(0.6), 0.2)
+    assert table.unread == ()
+
+
+def test_a_batch_called_x_is_one(tmp_path):
+    assert read(write(tmp_path, "phi,omega_rad_s,speed_m_s,day\n.6,8,.2,x\n.6,8,.21,y\n")).batch.tolist() == ["x", "y"]
+
+
 def test_a_trial_without_a_speed_is_read_and_not_used(tmp_path):
     assert read(write(tmp_path, GOOD + "0.6,8,\n")).usable.tolist() == [True, True, False]
 
 
-@pytest.mark.parametrize("word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none", "#N/V", "#DIV/0!"])
+@pytest.mark.parametrize(
+    "word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none", "#N/V", "#DIV/0!", "n.a.", "x", "\u2212", "\u2011"]
+)
 def test_what_people_write_for_not_measured_is_not_measured(tmp_path, word):
     given = "phi,omega_rad_s,speed_m_s,lift_m\n.6,8,.2,.01\n.6,8,.2,{}\n"
     assert np.isnan(read(write(tmp_path, given.format(word))).lift_m).tolist() == [False, True]
@@ -168,12 +201,31 @@ def test_what_people_write_for_not_measured_is_not_measured(tmp_path, word):
         ("phi_1", ("column phi_1 is not read, did you mean 'phi_sd'?",)),
         ("lft_m", ("column lft_m is not read, did you mean 'lift_m'?",)),
         ("operator", ("columns that are not read: operator",)),
+        *(
+            (
+                column,
+                (
+                    f"{column} is not read: an error bar of the speed is called speed_sd (standard deviation) or "
+                    "speed_sem (standard error; 95 % are ± 1.96 of it), with its unit",
+                ),
+            )
+            for column in ("SD [cm/s]", "± [cm/s]", "error (m/s)", "speed_ci95_m_s", "upper")
+        ),
+        ("v_sd [cm/s]", ()),
+        ("v_sem_m_s", ()),
+        ("force [N]", ("columns that are not read: force [N]",)),
+        *(
+            (column, (f"{said}: when a trial was run is given in one column, started, as 2026-05-04 08:10",))
+            for column, said in (("Date", "Date is not read"), ("date,Time", "date and Time are not read"))
+        ),
+        ("time", ("columns that are not read: time",)),
         # What the table has under its own name, another column is not.
         ("f [N]", ("columns that are not read: f [N]",)),
     ],
 )
 def test_a_column_that_is_not_read_is_told(tmp_path, column, told):
-    assert read(write(tmp_path, LIFT.format(column))).unread == told
+    more = ",1" * column.count(",")
+    assert read(write(tmp_path, f"phi,omega_rad_s,speed_m_s,{column}\n.6,8,.2,.01{more}\n")).unread == told
 
 
 @pytest.mark.parametrize(

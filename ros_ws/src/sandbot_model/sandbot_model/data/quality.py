@@ -16,7 +16,7 @@ from sandbot_model.data.rounding import rounding_step
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m, step_from_lift
 from sandbot_model.physics.observables import Observable
-from sandbot_record.trials.order import began_at
+from sandbot_record.trials.order import is_time
 from sandbot_record.trials.table import OK, Trials, check_usable
 
 PHI_LOW, PHI_HIGH = 0.5, 0.7
@@ -39,7 +39,7 @@ LOW_PEAK, IN_MOST = 0.9, 0.8
 FAST = 60.0
 """Leg frequency [rad/s] above which trials are named; no plan allows more."""
 APPROVING = frozenset(
-    {"good", "fine", "okay", "yes", "y", "true", "1", "valid", "done", "success", "complete", "passed"}
+    {"good", "fine", "okay", "yes", "y", "true", "1", "0", "valid", "done", "success", "complete", "passed"}
 )
 """Lower-case statuses by which their writer may have meant "ok"."""
 ALL_PAIRS = 64
@@ -426,7 +426,8 @@ def _unordered(used: Trials) -> list[str]:
     """Where run order or time is given for some trials only."""
     numbered = np.isfinite(used.run_order)
     if numbered.all():
-        return []
+        alike = len(used) > 1 and not np.ptp(used.run_order) > 0
+        return ["run_order (or started) is the same in all trials and gives no order"] if alike else []
     if numbered.any():
         missing = [*used.trial_id[~numbered]]
         return [f"the run order is not used, for {len(missing)} of {len(used)} trials have none: {_listed(missing)}"]
@@ -435,8 +436,8 @@ def _unordered(used: Trials) -> list[str]:
         return []
     if missing := [name for name, time in times if not time]:
         return [f"started gives no order, for {len(missing)} of {len(used)} trials have none: {_listed(missing)}"]
-    name, time = next(((name, time) for name, time in times if began_at(time) is None), times[0])
-    return [f"started gives no order: {time!r} in {name} is not like 2026-05-04T08:10, with a zone in all or in none"]
+    name, time = next(((name, time) for name, time in times if not is_time(time)), times[0])
+    return [f"started gives no order: {time!r} in {name} is not like 2026-05-04T08:10, all in one notation and zone"]
 
 
 def _listed(names: list[str]) -> str:

@@ -20,7 +20,7 @@ COMMON_DIGITS = 2
 """Leading digits that replicates share: each further digit agrees by chance once in ten."""
 BY_CHANCE = 1e-3
 """Expected number of blocks as long that repeat by chance, or chance that all trials of a table agree with trials of
-another, below which it is a copy."""
+another, below which they are copies."""
 TOO_OFTEN = 10
 """Number of equal rows beyond which they are due to rounding."""
 MOST_NAMED = 5
@@ -46,54 +46,35 @@ def mark_copies(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     return marked, [f"{are} and counted once: {', '.join(named[:MOST_NAMED])}{more}"]
 
 
-def also_in(rows: Sequence[Row], other: Sequence[Row]) -> set[str]:
-    """Ids of the ``rows`` that are in another table too, if one of both contains all counted trials of the other, in
-    any order, and more of them than agree by chance; else none."""
-    own, there = ([row for row in table if row.status == OK] for table in (rows, other))
-    left = Counter(map(_values, there))
-    found = []
-    for row in own:
-        if left[_values(row)]:
-            left[_values(row)] -= 1
-            found.append(row)
-    is_copy = len(found) == min(len(own), len(there)) and _chance_of(found, max(own, there, key=len)) < BY_CHANCE
-    return {row.trial_id for row in found} if is_copy else set()
-
-
-def _chance_of(found: Sequence[Row], table: Sequence[Row]) -> float:
-    """Chance that each of the rows found has an equal among its replicates in a table.
-
-    Two replicates are equal as often as those of the table are, at least as often as their digits suggest.
-    """
-    condition = {at: _set_point(row) for at, row in enumerate(table) if _is_telling(row)}
-    pairs = _pairs_of_replicates(condition, [*map(_values, table)]).values()
-    number, equal = sum(number for number, _ in pairs), sum(equal for _, equal in pairs)
-    replicates = Counter(condition.values())
-    suggested = (10.0 ** -sum(max(digits(value) - COMMON_DIGITS, 0) for value in measured(row)) for row in found)
-    return math.prod(
-        min(1.0, replicates[_set_point(row)] * max(chance, equal / max(number, 1)))
-        for row, chance in zip(found, suggested, strict=True)
-        if _is_telling(row)
-    )
-
-
 def _copies_by_digits(rows: Sequence[Row]) -> dict[int, str]:
-    """The original's trial id, by the index of each copy."""
-    first: dict[str, str] = {}
+    """The original's trial id, by the index of each copy; of two rows, that with more values is the original."""
+    with_phi = measures_phi(rows)
+    counted = [at for at, row in enumerate(rows) if row.status == OK and digits(row.speed_m_s) >= LONG_DIGITS]
+    originals: defaultdict[float, list[Row]] = defaultdict(list)
     found: dict[int, str] = {}
-    for at, row in enumerate(rows):
-        if row.status == OK and sum(digits(value) >= LONG_DIGITS for value in measured(row)) >= MIN_LONG_VALUES:
-            original = first.setdefault(repr(measured(row)), row.trial_id)
-            if original != row.trial_id:
-                found[at] = original
+    for at in sorted(counted, key=lambda at: sum(map(math.isnan, measured(rows[at])))):
+        alike = originals[rows[at].speed_m_s]
+        original = next((row for row in alike if _agree_in_long_values(row, rows[at], with_phi=with_phi)), None)
+        if original is None:
+            alike.append(rows[at])
+        elif original.trial_id != rows[at].trial_id:
+            found[at] = original.trial_id
     return found
+
+
+def _agree_in_long_values(a: Row, b: Row, *, with_phi: bool) -> bool:
+    """Whether all values measured in both rows are equal, and enough of them have many digits."""
+    pairs = [(one, again) for one, again in zip(measured(a), measured(b), strict=True) if one == one and again == again]
+    equal = all(one == again for one, again in pairs)
+    pairs += [(a.phi, b.phi)] * (with_phi and a.phi == b.phi)
+    return equal and sum(digits(one) >= LONG_DIGITS for one, _ in pairs) >= MIN_LONG_VALUES
 
 
 def _copies_of_blocks(rows: Sequence[Row]) -> dict[int, str]:
     """The same for consecutive rows that follow each other a second time, if chance does not explain so many."""
     counted = [at for at, row in enumerate(rows) if row.status == OK]
     texts = [repr((_condition(rows[at]), measured(rows[at]))) for at in counted]
-    condition = {at: _set_point(rows[of]) for at, of in enumerate(counted) if _is_telling(rows[of])}
+    condition = {at: set_point(rows[of]) for at, of in enumerate(counted) if _is_telling(rows[of])}
     pairs = _pairs_of_replicates(condition, texts)
     starts = sum(number for number, _ in pairs.values())
     found: dict[int, str] = {}
@@ -120,6 +101,13 @@ def _repeated_blocks(texts: Sequence[str]) -> Iterator[tuple[int, list[int]]]:
     )
     for (lag, _), block in groupby(enumerate(again), lambda one: (one[1][0], one[1][1] - one[0])):
         yield lag, [first for _, (_, first) in block]
+
+
+def rate_of_equal(rows: Sequence[Row]) -> float:
+    """How often two replicates of a table have equal values."""
+    condition = {at: set_point(row) for at, row in enumerate(rows) if _is_telling(row)}
+    pairs = _pairs_of_replicates(condition, [*map(_values, rows)]).values()
+    return sum(equal for _, equal in pairs) / max(sum(number for number, _ in pairs), 1)
 
 
 def _pairs_of_replicates(
@@ -165,6 +153,11 @@ def measured(row: Row) -> tuple[float, ...]:
     return tuple(getattr(row, name) for name in MEASURED)
 
 
+def measures_phi(rows: Sequence[Row]) -> bool:
+    """Whether φ was measured in each trial; if many have the same, it is a set-point or that of a preparation."""
+    return 2 * len({row.phi for row in rows}) > len({(row.phi, row.speed_m_s) for row in rows})
+
+
 def _condition(row: Row) -> tuple[float, float, str]:
     return row.phi, row.omega_rad_s, row.gait
 
@@ -174,7 +167,8 @@ def _values(row: Row) -> str:
     return " ".join(f"{value:.9g}" for value in (row.phi, row.omega_rad_s, *measured(row))) + row.gait
 
 
-def _set_point(row: Row) -> tuple[float, float, str]:
+def set_point(row: Row) -> tuple[float, float, str]:
+    """What replicates have in common: φ as aimed at, ω in rad/s and the gait."""
     return round(row.phi, SET_POINT_DECIMALS), row.omega_rad_s, row.gait
 
 

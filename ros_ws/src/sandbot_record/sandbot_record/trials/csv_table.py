@@ -22,10 +22,13 @@ NAMELESS = re.compile(r"row\d+")
 """Generated ids of trials in tables without a trial_id."""
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_MEASURED = frozenset(
-    {"", "-", "--", "–", "—", ".", "?", "n/a", "na", "<na>", "nan", "null", "none", "missing", "nd", "n.d.", "k.a."}
-    | {"#n/a", "#na", "#nv", "#n/v", "#div/0!", "#value!", "#wert!"}
+    {"", "-", "--", "–", "—", "\N{MINUS SIGN}", "\N{NON-BREAKING HYPHEN}", ".", "?", "n/a", "n.a.", "na", "<na>"}
+    | {"nan", "null", "none", "missing", "nd", "n.d.", "nm", "n.m.", "k.a.", "1.#qnan", "-1.#ind"}
+    | {"#n/a", "#na", "#nv", "#n/v", "#div/0!", "#value!", "#wert!", "#ref!", "#bezug!", "#num!", "#zahl!"}
 )
 """Common spellings of "not measured", in lower case."""
+_NO_NUMBER = _NOT_MEASURED | {"x", "*"}
+"""The same in columns of numbers."""
 _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem", "sum", "total", "min", "max"})
 """Common names of a spreadsheet's summary rows, in lower case."""
 
@@ -122,9 +125,10 @@ _CANONICAL = {"gait": _gait, "batch": _batch}
 def _number(where: str, kind: Kind, cell: Cell, *, required: bool) -> float:
     text, factor = cell
     instead = "a value is needed here (or a status other than ok)" if required else "leave empty what was not measured"
-    if text.lower() in _NOT_MEASURED:
+    if text.lower() in _NO_NUMBER:
         if required:
-            raise InputError(f"{where}: {text or 'empty'}; {instead}")
+            filled = "" if text else "; a cell merged over several rows has to be filled down"
+            raise InputError(f"{where}: {text or 'empty'}; {instead}{filled}")
         return math.nan
     try:
         value = separated.number_in(text) * factor

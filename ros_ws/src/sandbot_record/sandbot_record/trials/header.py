@@ -4,15 +4,22 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
 
 from sandbot_common import separated
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import near
+from sandbot_record.trials.columns import SPEED
 from sandbot_record.trials.table import COLUMNS, REQUIRED
 
 _BATCH_SYNONYMS = ("day", "preparation")
 _MARKS = frozenset({"exclude", "excluded", "outlier", "valid", "use", "used", "ok", "good", "bad", "quality", "flag"})
 """Common names of columns that mark trials to exclude, in lower case."""
+_DATES = frozenset({"date", "datetime", "date_time", "timestamp", "start_time", "datum"})
+_TIMES = frozenset({"time", "hour", "clock", "uhrzeit"})
+"""Common names of columns that tell when a trial was run; of the latter, beside a date."""
+_ERROR_BARS = frozenset({"sd", "std", "se", "sem", "error", "err", "±", "+-", "+/-", "uncertainty", "upper", "lower"})
+"""Common names of columns beside the speed that hold its error bar; any other has a unit of speed."""
 _QUANTITIES = {short: name for name, column in COLUMNS.items() for short in column.names}
 """Columns by their names without units."""
 _UNITS = {
@@ -23,8 +30,14 @@ _UNITS = {
     "deg_s": "deg/s",
     "°/s": "deg/s",
     "percent": "%",
+    "–": "-",
+    "—": "-",
 }
 """Units as written at the end of a column name."""
+_SEPARATED_UNIT = re.compile(
+    r"(?P<name>.+?)(?:[ _]*[\[(]|[ _]*/ *\(?|[,;] *| in )(?P<unit>[^\[\](]+?)[\])]?", re.IGNORECASE
+)
+"""A name and its unit: ω [rad/s], ω (rad/s), ω/(rad/s) as ISO 80000 writes it, f/Hz, "ω, rad/s", "ω in rad/s"."""
 
 
 def with_unit_row(
@@ -89,8 +102,16 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
     """Notes on the columns that are not read, with a suggestion where the intended column is recognisable."""
     header = known_names(given)
     missing = [name for name in COLUMNS if name not in header]
+    bars, dates = _error_bars(header), _dates(header) if "started" in missing else []
     found, others = [], []
-    for column in foreign(given):
+    if bars:
+        found.append(
+            f"{_not_read(bars)}: an error bar of the speed is called speed_sd (standard deviation) or speed_sem "
+            "(standard error; 95 % are ± 1.96 of it), with its unit"
+        )
+    if dates:
+        found.append(f"{_not_read(dates)}: when a trial was run is given in one column, started, as 2026-05-04 08:10")
+    for column in [name for name in foreign(given) if name not in (*bars, *dates)]:
         # If the quantity has its own column, this one is unrelated: f [N] is a force.
         meant = _with_unit(column)[0] or _QUANTITIES.get(_name(column), "")
         name = meant or near(column, missing)
@@ -101,8 +122,38 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
         else:
             others.append(column)
     if marks := [column for column in others if _plain(column) in _MARKS]:
-        found.append(f"{' and '.join(marks)} is not read: to exclude a trial, give it a status other than ok")
+        found.append(f"{_not_read(marks)}: to exclude a trial, give it a status other than ok")
     return (*found, *([f"columns that are not read: {', '.join(others)}"] if others else []))
+
+
+def _not_read(names: Sequence[str]) -> str:
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} not read"
+
+
+def _error_bars(header: Sequence[str]) -> list[str]:
+    """Unknown columns that follow the speed directly and are, by unit or name, its error bars; none if it has any."""
+    if "speed_m_s" not in header or {"speed_sd_m_s", "speed_sem_m_s"} & set(header):
+        return []
+    after = header[header.index("speed_m_s") + 1 :]
+    return list(takewhile(_is_error_bar, after))
+
+
+def _is_error_bar(given: str) -> bool:
+    """Whether a column beside the speed may be its error bar; another column of the speed is none."""
+    return not is_read(given) and (_name(given) in _ERROR_BARS or _is_speed(given))
+
+
+def _is_speed(given: str) -> bool:
+    """Whether a column's name ends in a unit of speed."""
+    found = _SEPARATED_UNIT.fullmatch(given)
+    endings = [ending for ending, unit in _UNITS.items() if unit in SPEED.factors]
+    return bool(found and _unit(found["unit"]) in SPEED.factors) or _name(given).endswith(tuple(endings))
+
+
+def _dates(header: Sequence[str]) -> list[str]:
+    """Columns of dates, and of times if there are any."""
+    dates = [name for name in header if _name(name) in _DATES]
+    return [name for name in header if name in dates or (dates and _name(name) in _TIMES)]
 
 
 def _fits_unit_row(name: str, cell: str) -> bool:
@@ -126,8 +177,9 @@ def _with_unit(given: str) -> tuple[str, str]:
     written = _name(given)
     if "1" in _factors(written) and written in _QUANTITIES:
         return _QUANTITIES[written], "1"
-    if found := re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given):
-        return _QUANTITIES.get(_name(found[1]), ""), _unit(found[2])
+    found = _SEPARATED_UNIT.fullmatch(given)
+    if found and _name(found["name"]) in _QUANTITIES:
+        return _QUANTITIES[_name(found["name"])], _unit(found["unit"])
     # Any other ending is not a unit but part of another name.
     ends = {name: _unit(written[len(name) + 1 :]) for name in _QUANTITIES if written.startswith(f"{name}_")}
     known = [(_QUANTITIES[name], unit) for name, unit in ends.items() if unit in _factors(name)]
@@ -136,7 +188,8 @@ def _with_unit(given: str) -> tuple[str, str]:
 
 def _unit(text: str) -> str:
     """A unit as spelt in the table of factors: m s-1, m·s⁻¹ and m/sec become m/s."""
-    plain = _plain(text).replace("\N{MINUS SIGN}", "-").replace("^", "").replace("/sec", "/s")
+    plain = re.sub("[ _]per[ _]", "/", _plain(text))
+    plain = plain.replace("\N{MINUS SIGN}", "-").replace("^", "").replace("/sec", "/s")
     return _UNITS.get(plain, re.sub(r"[ .·⋅*]?s-1$", "/s", plain))
 
 
@@ -150,6 +203,12 @@ def _name(text: str) -> str:
     return _plain(text).replace(" ", "_")
 
 
+def _is_wide(name: str, header: Sequence[str]) -> bool:
+    """Whether several columns are numbered ones of a quantity, or hold its values: v1, v2; phi=0.58, phi=0.60."""
+    numbered = [re.fullmatch(r"(.+?)[ _=#]*\d[\d.,]*", _name(re.sub(r"[\[(].*", "", other))) for other in header]
+    return sum(bool(found and _QUANTITIES.get(found[1]) == name) for found in numbered) > 1
+
+
 def _hint(name: str, header: Sequence[str]) -> str:
     """A suggestion which column was meant, or a list of those there are."""
     for other in header:
@@ -160,6 +219,8 @@ def _hint(name: str, header: Sequence[str]) -> str:
     kinds = [other for other in header if _name(other).startswith(f"{name}_") and other not in COLUMNS]
     if name == "phi" and len(kinds) > 1:
         return f"; of {' and '.join(map(repr, kinds))} call the one that was measured phi"
+    if _is_wide(name, header):
+        return "; one row per trial is needed: of several columns of one quantity make several rows"
     # A known quantity with a unit is not misspelt: its unit is unknown.
     if foreign := next((other for other in header if _with_unit(other)[0] == name), ""):
         if _with_unit(foreign)[1] in ("1/s", "/s"):

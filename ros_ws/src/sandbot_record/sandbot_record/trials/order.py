@@ -2,11 +2,28 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
+from itertools import product
 
 from sandbot_record.trials.table import OK, Row
+
+_DATES = ("%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%d/%m/%y", "%m/%d/%Y", "%m/%d/%y", "%d %b %Y", "%b %d, %Y")
+_TIMES = ("", " %H:%M", " %H:%M:%S", " %I:%M %p", " %I:%M:%S %p")
+
+
+def _written_as(form: str, text: str) -> datetime:
+    return datetime.strptime(text, form)
+
+
+_NOTATIONS: tuple[Callable[[str], datetime | float], ...] = (
+    datetime.fromisoformat,
+    float,  # as spreadsheets count days, and clocks seconds
+    *(partial(_written_as, date + time) for date, time in product(_DATES, _TIMES)),
+)
+"""Ways to read a start time; each raises ValueError for any other text."""
 
 
 def in_order(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
@@ -19,17 +36,17 @@ def in_order(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
 def ordered_by_start(rows: Sequence[Row], *, joined: bool) -> list[Row] | None:
     """The same rows with ``run_order`` from ``started``, if it is missing or several tables are ``joined``.
 
-    None if a single table is numbered, or unless every trial that is ok has a start time, all with a time zone or all
-    without.
+    None if a single table is numbered, or unless every trial that is ok has a start time in one notation, all with a
+    time zone or all without. Where several notations fit, as 05/03 is in May or in March, they must agree in the order.
     """
     counted = [row for row in rows if row.status == OK]
-    if not joined and not any(math.isnan(row.run_order) for row in counted):
+    if not counted or (not joined and not any(math.isnan(row.run_order) for row in counted)):
         return None
-    when = {row.trial_id: began for row in rows if (began := began_at(row.started)) is not None}
-    if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
+    fitting = [notation for notation in _NOTATIONS if _time(notation, counted[0].started) is not None]
+    orders = [order for notation in fitting if (order := _order(rows, notation)) is not None]
+    if not orders or any(order != orders[0] for order in orders):
         return None
-    ranks = _ranks(when)
-    return [replace(row, run_order=ranks.get(row.trial_id, math.nan)) for row in rows]
+    return [replace(row, run_order=orders[0].get(row.trial_id, math.nan)) for row in rows]
 
 
 def renumbered(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
@@ -47,15 +64,26 @@ def renumbered(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
     return found, restarted
 
 
-def _ranks(when: Mapping[str, datetime]) -> dict[str, float]:
-    """Ranks from 1; trials with equal times, as when only the day is given, share their mean rank."""
-    times = sorted(when.values())
-    return {name: 0.5 * (bisect_left(times, began) + 1 + bisect_right(times, began)) for name, began in when.items()}
+def is_time(started: str) -> bool:
+    """Whether a text is a time: in ISO 8601, a date as spreadsheets write it, or a number of days or seconds."""
+    return any(_time(notation, started) is not None for notation in _NOTATIONS)
 
 
-def began_at(started: str) -> datetime | None:
-    """The time given by a text in ISO 8601; None for any other text."""
+def _order(rows: Sequence[Row], notation: Callable[[str], datetime | float]) -> dict[str, float] | None:
+    """Ranks from 1 by trial id; equal times, as when only the day is given, share their mean rank. None if a trial that
+    is ok has no time, or if only some times have a zone."""
+    times = {row.trial_id: time for row in rows if (time := _time(notation, row.started)) is not None}
+    if any(row.status == OK and row.trial_id not in times for row in rows):
+        return None
     try:
-        return datetime.fromisoformat(started)
+        ordered = sorted(times.values())
+    except TypeError:
+        return None
+    return {name: 0.5 * (bisect_left(ordered, at) + 1 + bisect_right(ordered, at)) for name, at in times.items()}
+
+
+def _time(notation: Callable[[str], datetime | float], text: str) -> datetime | float | None:
+    try:
+        return notation(text)
     except ValueError:
         return None

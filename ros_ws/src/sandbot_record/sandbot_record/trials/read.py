@@ -3,22 +3,21 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, islice
 from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_common.terminal import counted
 from sandbot_record.bags.reader import is_bag
-from sandbot_record.trials.copies import also_in, digits, mark_copies, measured
-from sandbot_record.trials.csv_table import NAMELESS
+from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.from_bags import campaign, table_of, trial_from_bag
 from sandbot_record.trials.order import in_order
+from sandbot_record.trials.same_trials import Table, merged, overlap, same_trials
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import Row, Trials, check_ids, check_usable, from_rows
 
 BLOCK = re.compile(r"block\d+")
 """Names of the batches of a campaign."""
-MANY_DIGITS = 8
-"""Total digits of the measured values from which two trials do not agree by chance."""
 
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
@@ -47,7 +46,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     rows, restarted = in_order(batched)
     notes += [f"run_order starts again in {given[at]}, assumed later than the data before it" for at in restarted]
     rows, copied = mark_copies(rows)
-    notes += [*_similar_batches(rows), *copied]
+    notes += [*_similar_batches(rows), *copied, *_overlaps(given, batched, rows)]
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
@@ -83,53 +82,47 @@ def _similar_batches(rows: Sequence[Row]) -> list[str]:
 
 
 def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list[list[Row]], list[str]]:
-    """The rows of each table that are not in earlier ones, and a note for each table of which some are."""
+    """The rows of each table that are not in earlier ones, with all that any table says of them, and a note for each
+    table of which some are."""
     joined: list[list[Row]] = []
     notes: list[str] = []
-    earlier: list[list[Row]] = []
+    earlier: list[tuple[Table, dict[str, tuple[int, int]]]] = []  # each with the places of its trials in ``joined``
     first_with: dict[str, Path] = {}
     for path, table in zip(given, tables, strict=True):
-        own, campaign_of = table.rows(), _campaign_of(Path(path))
-        check_ids(own, [str(path)] * len(own))
-        known = set[str]().union(*(_shared_trials(own, other) | also_in(own, other) for other in earlier))
-        new = [row for row in own if row.trial_id not in known]
+        own, campaign_of = Table(table.rows()), _campaign_of(Path(path))
+        check_ids(own.rows, [str(path)] * len(own.rows))
+        known: dict[str, tuple[int, int]] = {}
+        for other, place in earlier:
+            known = {name: place[there] for name, there in same_trials(own, other).items()} | known
         if known:
             notes.append(f"{len(known)} trials of {path} are also in the data before it and are counted once")
-        earlier.append(own)
         taken = {row.trial_id for earlier_rows in joined for row in earlier_rows}
         joined.append([])
-        for row in new:
+        earlier.append((own, known))
+        for row in own.rows:
+            if row.trial_id in known:
+                at, index = known[row.trial_id]
+                joined[at][index] = merged(joined[at][index], row)
+                continue
             trial_id = f"{path}/{row.trial_id}" if row.trial_id in taken else row.trial_id
             # Every campaign numbers its blocks from 1; other batches, such as days, are the same in every table.
             is_own = BLOCK.fullmatch(row.batch) and first_with.setdefault(row.batch, campaign_of) != campaign_of
             batch = f"{campaign_of}/{row.batch}" if is_own else row.batch
+            known[row.trial_id] = len(joined) - 1, len(joined[-1])
             joined[-1].append(replace(row, trial_id=trial_id, batch=batch))
     return joined, notes
 
 
-def _shared_trials(rows: Sequence[Row], other: Sequence[Row]) -> set[str]:
-    """Ids of the trials that two tables share: all common ids if none of these trials differs; else those of equal
-    trials with a given name and enough digits to exclude chance. The 7th rows of two days are different trials, even if
-    their rounded speeds agree.
-    """
-    first, second = ({row.trial_id: row for row in table} for table in (rows, other))
-    common = first.keys() & second.keys()
-    pairs = {name: (first[name], second[name]) for name in common}
-    alike = {name for name, (a, b) in pairs.items() if _as_text(a) == _as_text(b) or _same_start(a, b)}
-    if alike == common:
-        return alike
-    distinctive = {name for name in alike if sum(map(digits, measured(first[name]))) >= MANY_DIGITS}
-    return {name for name in distinctive if not NAMELESS.fullmatch(name)}
-
-
-def _as_text(row: Row) -> list[str]:
-    """A row as text to 9 digits: NaN is not equal to itself, and unit conversion changes the last digits."""
-    return [value if isinstance(value, str) else f"{value:.9g}" for value in vars(row).values()]
-
-
-def _same_start(a: Row, b: Row) -> bool:
-    """Whether two rows of one name started at the same time of day: they are one trial, perhaps rounded differently."""
-    return ":" in a.started and a.started == b.started
+def _overlaps(given: Sequence[Path | str], tables: Sequence[Sequence[Row]], rows: Sequence[Row]) -> list[str]:
+    """A note on each two tables that seem to share trials, none of which is certain; ``rows``: those of all tables."""
+    each = iter(rows)
+    left = [(path, Table(list(islice(each, len(own))))) for path, own in zip(given, tables, strict=True)]
+    return [
+        f"{number} trials of {path} have the values of trials of {before}, as far as both give digits, and are counted "
+        "as others: if they are the same, leave them out of one of both"
+        for (before, earlier), (path, later) in combinations(left, 2)
+        if (number := overlap(later, earlier))
+    ]
 
 
 def _campaign_of(path: Path) -> Path:

@@ -52,7 +52,7 @@ class Row:
     gait: str = text()
     replicate: float = number()
     speed_m_s: float = number(SPEED, "speed", "mean_speed", "average_speed", "forward_speed", "velocity", "v")
-    speed_sd_m_s: float = number(SD_OF_SPEED, "speed_sd")
+    speed_sd_m_s: float = number(SD_OF_SPEED, "speed_sd", "v_sd")
     lift_m: float = number(LIFT, "lift", "body_lift", "δz", "∆z")
     peak_speed_m_s: float = number(SPEED, "peak_speed")
     first_step_m: float = number(LENGTH, "first_step")
@@ -62,7 +62,7 @@ class Row:
     started: str = text(optional=True)
     """ISO 8601."""
     speed_sem_m_s: float = number(
-        SD_OF_SPEED, "speed_sem", "speed_se", "speed_stderr", "speed_standard_error", optional=True
+        SD_OF_SPEED, "speed_sem", "speed_se", "speed_stderr", "speed_standard_error", "v_sem", "v_se", optional=True
     )
     """Standard error of a mean of trials."""
     n_trials: float = number(NUMBER_OF_TRIALS, "n", "replicates", "number_of_trials", optional=True)
