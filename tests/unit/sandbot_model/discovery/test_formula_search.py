@@ -111,5 +111,5 @@ def test_best_in_so_many_draws_is_said_only_of_what_is_named_as_the_best(monkeyp
     monkeypatch.setattr(discover, "sound", lambda _fit: True)
     named = () if status in ("adequate", "unexplained", "untested") else ("a",)
     verdict = Verdict(status, named, (named,) if named else (), "")
-    share = discover._stability({(): fit(bic=2.0), ("a",): fit("a", bic=1.0)}, verdict, DEFAULT)
+    share = discover._stability({(): fit(bic=2.0), ("a",): fit("a", bic=1.0)}, [], verdict, DEFAULT)
     assert (share >= 0.0) == (status in ("adequate", "identified", "ambiguous"))

@@ -93,8 +93,13 @@ STRONG = "d: balance: extra_force += 3*600*w*R*(R*omega)**2"
 
 
 @pytest.mark.slow
-def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with_that_number(drawn):
-    found = discover(cells_of(drawn(formulas=(STRONG,), seed=5)), EFFECTS, max_effects=1)
+def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with_that_number(drawn, monkeypatch):
+    """Where no other convention explains it with a number that is believed; if one does, that is identified."""
+    cells = cells_of(drawn(formulas=(STRONG,), seed=5))
+    found = discover(cells, EFFECTS, max_effects=1)
+    assert found.headline == "identified: inertial_drag (by another power of speed)"
+    monkeypatch.setattr(discovery, "try_single_effects", lambda _search: False)
+    found = discover(cells, EFFECTS, max_effects=1)
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("inertial_drag",))
     assert "inertial_drag.lambda_1 = " in found.verdict.because
     assert "beyond the end of 0.5 to 2" in found.verdict.because

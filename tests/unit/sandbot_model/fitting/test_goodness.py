@@ -1,5 +1,6 @@
 """Errors and tests of a fit: against what they are by definition, and where there is nothing to test."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -105,7 +106,17 @@ def test_and_still_refuses_what_is_far_off(lift_twice_in, cells, off_m):
 
 
 @pytest.mark.parametrize(
-    ("value", "stderr", "out"), [(0.3, 0.02, True), (0.3, 0.2, True), (0.24, 0.02, False), (0.1, 0.001, False)]
+    ("value", "stderr", "out"),
+    [
+        (0.3, 0.02, True),
+        (0.3, 0.2, True),
+        (0.24, 0.02, False),
+        (0.1, 0.001, False),
+        # Known only together with others, and not at all: a staircase.
+        (0.24, math.inf, False),
+        (0.3, math.inf, True),
+        (0.24, math.nan, True),
+    ],
 )
 def test_a_parameter_is_implausible_three_standard_errors_or_a_quarter_of_its_range_outside(value, stderr, out):
     usual = {name: Estimate(one.start, 0.0) for name, one in zip(MODEL.names, MODEL.parameters, strict=True)}

@@ -103,7 +103,7 @@ def _adopt(search: EffectSearch, better: Sequence[Fit]) -> bool:
     if better:
         best = min(better, key=badness)
         global_fit = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
-        search.fits[best.effects] = min(best, global_fit, key=_deviance)
+        search.fits[best.effects] = min(best, global_fit, key=badness)
     return bool(better)
 
 

@@ -201,7 +201,7 @@ def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, .
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
         value, error = estimates[name]
-        margin = min(PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0), FAR_OUT * parameter.width)
+        margin = min(PLAUSIBLE_SIGMAS * (0.0 if np.isnan(error) else error), FAR_OUT * parameter.width)
         if value < parameter.low - margin or value > parameter.high + margin:
             found.append(name)
     return tuple(found)
