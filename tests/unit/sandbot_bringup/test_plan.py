@@ -102,7 +102,15 @@ def test_next_trials_run_in_the_gait_that_they_are_meant_for(tmp_path, gait, own
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", '{"next_trials": []}', '{"next_trials": [1]}', '{"next_trials": [{"phi": 2}]}']
+    "text",
+    [
+        '{"schema": "sandbot.discovery/9", "next_trials": [{"phi": 0.61, "omega_rad_s": 18}]}',
+        "",
+        "{}",
+        '{"next_trials": []}',
+        '{"next_trials": [1]}',
+        '{"next_trials": [{"phi": 2}]}',
+    ],
 )
 def test_a_useless_next_trials_file_is_refused(tmp_path, text):
     path = tmp_path / "next.json"

@@ -1,3 +1,4 @@
+import argparse
 import errno
 import os
 import subprocess
@@ -211,3 +212,10 @@ def test_a_command_with_options_takes_what_every_node_has(name, known):
     words = ["--ros-args", "-p", f"{name}:=false"]
     with nullcontext() if known else pytest.raises(InputError, match="set by options of its own"):
         assert with_ros(Parser("one"), words)[1] == words
+
+
+def test_standard_output_has_a_name_and_a_file_called_minus_another(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(argparse.ArgumentTypeError, match="standard output is /dev/stdout"):
+        output("-")
+    assert (output("./-"), output("/dev/stdout")) == (Path("-"), Path("/dev/stdout"))

@@ -19,6 +19,7 @@ class Example:
     length_m: float = parameter(unit="m", doc="a length", low=0.0, high=2.0)
     count: int = parameter(3, doc="a count", low=1)
     kind: str = parameter("soft", doc="a kind", choices=("soft", "hard"))
+    gait: str = parameter("", doc="a gait", choices=("", "even"))
     levels: tuple[float, ...] = parameter((0.5,), doc="levels", low=0.0, high=1.0)
     on: bool = parameter(False, doc="a switch")
     extra: dict[str, float] = parameter({}, doc="anything")
@@ -55,6 +56,7 @@ def test_defaults_are_not_shared():
         ({"count": 1.5}, "count: 1.5 is not a whole number"),
         ({"count": 0}, "count: 0 is outside"),
         ({"kind": "wet"}, "kind: 'wet' is not one of soft, hard"),
+        ({"gait": "TROT"}, r"gait: 'TROT' is not one of '' \(empty\), even"),
         ({"levels": 0.5}, "levels: 0.5 is not a list"),
         ({"levels": [0.5, 1.5]}, "levels: 1.5 is outside"),
         ({"extra": 1}, "extra: 1 is not a mapping"),

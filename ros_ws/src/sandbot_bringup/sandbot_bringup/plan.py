@@ -33,6 +33,8 @@ from sandbot_lab.week import FIRST, Occasion, batch_seed
 from sandbot_model.discovery.criteria import DEFAULT, WIDEST
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
+SCHEMAS = ("sandbot.discovery/1", "sandbot.discovery/2")
+"""Schemas of the discoveries that are read."""
 VERDICT = "verdict"
 DIGITS = {"phi": "%.4f", "omega_rad_s": "%06.3f"}
 """Precision to which conditions are distinguished in the names of their trials."""
@@ -317,6 +319,9 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     from sandbot_model.discovery.next_trials import PENETRATION
 
     content = read_json(path, "; the file that discover --json writes is needed")
+    schema = content.get("schema", SCHEMAS[-1]) if isinstance(content, dict) else SCHEMAS[-1]
+    if schema not in SCHEMAS:
+        raise InputError(f"{path}: schema {schema!r} is not one of {', '.join(SCHEMAS)}")
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:
         raise InputError(f"{path}: no next_trials in it; the verdict may need none")

@@ -155,6 +155,8 @@ def _docstring(module: str) -> str:
 
 def output(text: str) -> Path:
     """A file to write, as an argparse type: a path that can't be written is refused before the work begins."""
+    if text == "-":
+        raise argparse.ArgumentTypeError("-: standard output is /dev/stdout, a file of this name ./-")
     try:
         return check_output(Path(text))
     except InputError as error:

@@ -153,7 +153,7 @@ def _bounded(spec: Spec, value: float, where: str) -> Any:
 
 def _chosen(spec: Spec, value: Any, where: str) -> Any:
     if spec.choices and value not in spec.choices:
-        allowed = ", ".join(map(str, spec.choices))
+        allowed = ", ".join(str(choice) or "'' (empty)" for choice in spec.choices)
         raise InputError(f"{where}: {spec.name}: {value!r} is not one of {allowed}")
     return value
 

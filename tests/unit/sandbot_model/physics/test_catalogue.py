@@ -43,6 +43,12 @@ def test_a_file_adds_an_effect(tmp_path):
     assert float(boosted.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))
 
 
+def test_what_a_file_prints_is_no_part_of_the_answer(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(f'print("hello")\n{OWN}')
+    effects_in(tmp_path / "mine.py")
+    assert capsys.readouterr() == ("", "hello\n")
+
+
 @pytest.mark.parametrize(
     "where",
     [

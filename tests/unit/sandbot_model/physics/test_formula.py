@@ -246,6 +246,8 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: strength: k.__class__.__bases__", "boost"),
         ("boost: strength: k*sqrt()", r"sqrt\(\) takes 1 value, not 0"),
         ("boost: strength: k*min(1, 2, 3)", r"min\(\) takes 2 values, not 3"),
+        ("boost: strength: k*(2 if phi > .6 else 1)", r"lambda; 'a if b else c' is where\(b, a, c\)"),
+        ("boost: strength: k*(phi - 0,6)", "lambda; decimals have a point, no comma"),
         *((f"boost: strength: {escape}", "only names, numbers, operators and functions") for escape in ESCAPES),
         *((f"boost: strength: k*{name}", f"no function '{name.split('(')[0]}'") for name in BUILT_IN),
         *((f"boost: strength: {writing}", "takes 1 value, not 2") for writing in ("sqrt(k, phi)", "abs(k, k)")),

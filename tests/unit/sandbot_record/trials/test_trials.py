@@ -246,6 +246,8 @@ def test_the_standard_error_of_a_mean_and_the_number_of_its_trials_are_read(tmp_
 
 
 def test_what_is_no_table(tmp_path):
+    with pytest.raises(InputError, match="-: no such file or folder; standard input is /dev/stdin"):
+        read("-")
     with pytest.raises(InputError, match="no such file"):
         read(tmp_path / "none.csv")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\0")

@@ -28,7 +28,7 @@ from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import specs
-from sandbot_common.terminal import filled
+from sandbot_common.terminal import counted, filled
 from sandbot_common.yaml_text import load_yaml, parse_yaml
 
 if TYPE_CHECKING:
@@ -96,12 +96,13 @@ def _interruptible(folder: CampaignFolder) -> Iterator[None]:
 def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
     """What the campaign would do, as text."""
     seconds = sum(plan.duration_s(trial.omega_rad_s) + plan.standing_s for trial in trials)
+    frequencies = "1 frequency" if len(plan.omega_rad_s) == 1 else f"{len(plan.omega_rad_s)} frequencies"
     until = f"until a verdict, {plan.max_trials} trials at most, at first these: " if plan.until else ""
     return (
-        f"campaign {plan.name}: {until}{len(trials)} trials, {len(plan.phi)} volume fractions "
-        f"{min(plan.phi):g}-{max(plan.phi):g} x {len(plan.omega_rad_s)} frequencies "
-        f"{min(plan.omega_rad_s):g}-{max(plan.omega_rad_s):g} rad/s x {plan.replicates} replicates"
-        f" + {len(plan.extra_trials)} extra conditions\n"
+        f"campaign {plan.name}: {until}{counted(len(trials), 'trial')}, {counted(len(plan.phi), 'volume fraction')} "
+        f"{min(plan.phi):g}-{max(plan.phi):g} x {frequencies} "
+        f"{min(plan.omega_rad_s):g}-{max(plan.omega_rad_s):g} rad/s x {counted(plan.replicates, 'replicate')}"
+        f" + {counted(len(plan.extra_trials), 'extra condition')}\n"
         f"gait {plan.gait}; legs turn for {seconds / 60:.1f} min in all, the bed is prepared {len(trials)} times\n"
         f"order {plan.order}, seed {plan.seed}:\n"
     ) + "\n".join(f"{trial.run_order:4d}  {trial.batch:8}  {trial.trial_id}" for trial in trials)

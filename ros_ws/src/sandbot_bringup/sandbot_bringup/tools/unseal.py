@@ -5,15 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.plan import read_plan
+from sandbot_bringup.plan import SCHEMAS, read_plan
 from sandbot_bringup.truth import judge, truth_of
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_json
 from sandbot_lab.world import read_world
 from sandbot_model.physics.walking import BASES
-
-SCHEMAS = ("sandbot.discovery/1", "sandbot.discovery/2")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

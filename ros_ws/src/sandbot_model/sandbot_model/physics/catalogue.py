@@ -1,5 +1,6 @@
 """All available effects: the project's, those of installed packages, of a user's file, and formulas."""
 
+import contextlib
 import importlib.util
 import pickle
 import re
@@ -64,7 +65,9 @@ def effects_in(path: Path) -> list[Effect]:
     # Leave no __pycache__ in the user's folder.
     usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
-        spec.loader.exec_module(module)
+        # What the file prints is no part of the answer.
+        with contextlib.redirect_stdout(sys.stderr):
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise InputError(f"{path}: {_one_line(error)}") from error
     finally:

@@ -65,9 +65,11 @@ _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
 }
 _TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
 _PLAIN = (
-    *(ast.Expr, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call),
+    *(ast.Expr, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call),
     *(ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
 )
+_INSTEAD = {ast.IfExp: "; 'a if b else c' is where(b, a, c)", ast.Tuple: "; decimals have a point, no comma"}
+"""What to write instead of some parts of Python that formulas don't have."""
 
 
 def formula_effect(text: str, *, tried: bool = False) -> Effect:
@@ -225,7 +227,10 @@ def _parsed(expression: str, text: str) -> ast.Expr:
         raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}{where}") from None
     parts = list(ast.walk(parsed))
     if not all(_plain(part) for part in parts):
-        raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
+        instead = "".join(hint for kind, hint in _INSTEAD.items() if any(isinstance(part, kind) for part in parts))
+        raise InputError(
+            f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda{instead}"
+        )
     for call in (part for part in parts if isinstance(part, ast.Call)):
         _check_call(call, text)
     return parsed

@@ -135,7 +135,7 @@ def _campaign_of(path: Path) -> Path:
 
 def _read_one(path: Path) -> Trials:
     if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
+        raise InputError(f"{path}: no such file or folder{'; standard input is /dev/stdin' * (str(path) == '-')}")
     # A pipe, as in <(grep -v wet trials.csv), can only be a table.
     if path.is_fifo() or (path.is_file() and not is_bag(path)):
         return table_of(path)
