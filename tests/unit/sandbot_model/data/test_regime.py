@@ -1,5 +1,7 @@
 """Walking or swimming, as measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,17 @@ def test_a_first_step_that_two_legs_take_says_nothing():
     assert starts_on_both_tripods(gaits).tolist() == [False, False, True, True]
     row = Row("t", 0.6, 0.001, 12.0, "HGCS", 1, 0.1, np.nan, 0.004, 0.1, 0.03, "ok")
     assert np.isnan(cells_of(from_rows([row])).mean[0, 3])
+
+
+def test_whether_a_condition_walks_does_not_depend_on_the_peaks_that_are_left_out(drawn):
+    """Else what scatters there would count as a swimmer's scatter or a walker's by turns."""
+    trials, cell = drawn(seed=4, levels=3), slice(0, 3)
+    barely = {"speed_m_s": [0.02, 0.03, 0.025], "lift_m": [4e-4, 5e-4, 6e-4], "peak_speed_m_s": [0.4, 0.41, 0.4]}
+    columns = {name: getattr(trials, name).copy() for name in barely}
+    for name, values in barely.items():
+        columns[name][cell] = values
+    whole = cells_of(replace(trials, **columns))
+    columns["peak_speed_m_s"][1:3] = np.nan
+    part = cells_of(replace(trials, **columns))
+    assert (whole.n[0, 2], part.n[0, 2]) == (3, 0)
+    np.testing.assert_allclose(part.sem[0, [0, 1, 3]], whole.sem[0, [0, 1, 3]], rtol=0.1)

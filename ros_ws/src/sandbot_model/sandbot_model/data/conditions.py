@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.accuracy import USUAL, Accuracy
-from sandbot_common.arrays import Floats, Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
@@ -184,13 +184,13 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     """Cells of usable trials, from those of their ``values (trials, 4)`` that count, with their ``stated`` errors."""
     phi, omega, batch = trials.phi, trials.omega_rad_s, trials.batch
     cell, keys = conditions(phi, trials.gait, omega)
-    values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     level = keys[0, cell]
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
     walking = walks(cells.means(values))
+    values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     rounding = rounding_sd(values)
-    values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
+    values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi, walking)
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
     shape = np.where(np.arange(len(Observable)) == Observable.lift, 1.0, mean)
@@ -258,14 +258,14 @@ def _run_position(order: Floats, cells: _Groups) -> Floats | None:
 
 
 def _at_level_phi(
-    values: Floats, from_level: Floats, from_cell: Floats, cells: _Groups, keys: Ints, level_phi: Floats
+    values: Floats, from_level: Floats, from_cell: Floats, cells: _Groups, keys: Ints, level_phi: Floats, walking: Bools
 ) -> tuple[Floats, float]:
     """Values ``(trials, 4)`` corrected to their level's φ, and the share of φ's deviations that is real.
 
     ``from_level``, ``from_cell (trials,)`` are the deviations of φ from its level's mean and from its cell's.
     """
     mean = cells.means(values)
-    slope = local_slope(mean, keys, level_phi, walks(mean))[cells.index]
+    slope = local_slope(mean, keys, level_phi, walking)[cells.index]
     rho = reliability(values - mean[cells.index], slope * from_cell[:, None])
     return values - rho * slope * from_level[:, None], rho
 
