@@ -21,6 +21,7 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
+from sandbot_model.discovery.batch_sd import ALIKE, batch_sd_of
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, nearly_claimed, only_implausible
 from sandbot_model.discovery.conventions import (
@@ -35,6 +36,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.formula_search import (
     formula_on_top_of,
     formula_to_try,
+    leaves_enough_for_a_formula,
     outdone_by_a_formula,
     repairs_something,
 )
@@ -43,7 +45,7 @@ from sandbot_model.discovery.leg_radius import instead_of_a_reading, instead_of_
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with, gain_of_batches
 from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
@@ -407,14 +409,25 @@ def _with_remarks(
 
 
 def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
-    """The refusal of a claim that a formula outdoes. Tested for claims of several effects, of an effect under another
-    convention (picked from dozens), or with nuisances; None for others, or where no formula is clearly better."""
+    """The refusal of a claim that a formula outdoes; None where none is clearly better, or nothing is claimed.
+
+    Any formula speaks against several effects, an effect under another convention (picked from dozens), or a claim with
+    nuisances; if these include scatter of the bed, also a formula that needs none. Against an effect of the catalogue
+    that needs none of this, only formulas on another stage do, if it leaves enough for one to gain.
+    """
     if found.verdict.status not in EXPLAINS_ALL:
         return None
-    picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
-    if not picked and judge(search.fits, search.criteria).status != "unexplained":
+    names = found.verdict.effects
+    picked = len(names) > 1 or bool(conventions([found.fits[names]]))
+    granted = picked or judge(search.fits, search.criteria).status == "unexplained"
+    fits = refitted_as_claimed(search, found)
+    if not granted and not leaves_enough_for_a_formula(fits[names], search.criteria):
         return None
-    refused = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
+    refused = outdone_by_a_formula(search, found.verdict, fits, elsewhere=not granted)
+    if refused is None and granted and batch_sd_of(found.named):
+        even = refitted_as_claimed(search, found, ALIKE)
+        scatter = gain_of_batches(even[names], search.criteria)
+        refused = outdone_by_a_formula(search, found.verdict, even, scatter=scatter)
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
