@@ -49,12 +49,18 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("elsewhere", "stage", "refused"), [(True, "speed", True), (True, "strength", False), (False, "strength", True)]
+    ("elsewhere", "of_effect", "stage", "refused"),
+    [
+        (True, "strength", "speed", True),
+        (True, "strength", "strength", False),
+        (True, "step", "speed", False),
+        (False, "strength", "strength", True),
+    ],
 )
-def test_a_formula_on_the_stage_of_an_effect_is_another_form_of_it(monkeypatch, elsewhere, stage, refused):
+def test_a_formula_on_the_stage_of_an_effect_is_another_form_of_it(monkeypatch, elsewhere, of_effect, stage, refused):
     """A motor that saturates beyond a knee is motor_saturation, although a formula on its clock fits far better."""
     hold_against(monkeypatch, 40.0, stage)
-    fits = {(): fit(bic=300.0), ("a",): fit("a", bic=100.0)}
+    fits = {(): fit(bic=300.0), ("a",): fit("a", bic=100.0, stage=of_effect)}
     claim = Verdict("identified", ("a",), (("a",),), "")
     found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), claim, fits, elsewhere=elsewhere)
     assert (found is not None) == refused

@@ -1,6 +1,6 @@
 """From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it?
 
-1. Skip the search if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
+1. Name nothing if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
 2. Fit the base model, then sets of one, two and three effects, until one size suffices (``effect_search``).
 3. Judge the sets against the replicates (``verdict``), and again with nuisances that trials share (``sharing``).
 4. Test a claim against effects under other conventions (``conventions``) and against formulas (``formula_search``).
@@ -50,7 +50,7 @@ from sandbot_model.discovery.nuisances_in_words import confounded_drift, signifi
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
-from sandbot_model.discovery.plausibility import implausible_k, in_doubt, robot_may_be_wrong
+from sandbot_model.discovery.plausibility import effects_may_explain, implausible_k, in_doubt, robot_may_be_wrong
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
@@ -67,6 +67,7 @@ from sandbot_model.discovery.verdict import (
     EXPLAINS_ALL,
     Sets,
     Verdict,
+    either,
     judge,
     p_in_words,
     refused_as_implausible,
@@ -221,7 +222,7 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
-    called with (stage, done, total). No effect is tried where robot.yaml or the table is in doubt (``plausibility``).
+    called with (stage, done, total). No effect is named where robot.yaml or the table is in doubt (``plausibility``).
     Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
@@ -246,7 +247,8 @@ def _discovered(
     progress: Progress,
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-    doubted = in_doubt(cells)
+    if doubted := in_doubt(cells):
+        doubted += _or_effects(search, max_effects)
     preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     rival = _identified_without_nuisances(search, found)
@@ -293,6 +295,17 @@ def _discovered(
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
+
+
+def _or_effects(search: EffectSearch, max_effects: int) -> str:
+    """One clause: the sets that would be claimed if the doubted radius were right; empty if there are none."""
+    if not effects_may_explain(search.cells) or untested(search.cells, search.model(()), search.criteria):
+        return ""
+    how: dict[str, Any] = {"criteria": search.criteria, "fit_all": search.fit_all, "progress": search.progress}
+    as_given = EffectSearch(search.cells, search.effects, search.base, **how)
+    as_given.run(max_effects, lambda size: nuisances_suffice(as_given, size))
+    found = _judged(as_given).verdict
+    return f"; or {either(found.alternatives)} with the radius as given" if found.status in EXPLAINS_ALL else ""
 
 
 def _instead(search: EffectSearch, verdict: Verdict, named: Fit, rival: Fit | None) -> tuple[list[Fit], str]:
@@ -396,7 +409,7 @@ def _with_remarks(
         because.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
         because.append(rival_calibration_error(search, named))
-    # Where the robot is in doubt there was no search, and calibration is not the question.
+    # Where the robot is in doubt this search had no effects, and calibration is not the question.
     if verdict.status == "unexplained" and len(search.fits) > 1:
         because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):

@@ -86,10 +86,10 @@ def outdone_by_a_formula(
     Several effects together, one under another convention or one with batch offsets can imitate a mechanism that is
     none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances. ``scatter`` is what
     the claim gains, in BIC, by scatter of the bed that these do not have. With ``elsewhere`` only formulas on another
-    stage of the chain count: one on the stage of a claimed effect is that effect in another form.
+    stage of the chain count: one on the stage of a claimed effect is that effect in another form (``_levers_of``).
     """
     claimed = fits[claim.effects]
-    bic, own = claimed.bic - scatter, {effect.stage for effect in claimed.model.effects} if elsewhere else set()
+    bic, own = claimed.bic - scatter, _levers_of(claimed) if elsewhere else set()
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
     for fit in on_top:
@@ -106,6 +106,12 @@ def outdone_by_a_formula(
             )
             return Verdict("unexplained", (), (), because)
     return None
+
+
+def _levers_of(claimed: Fit) -> set[str]:
+    """The stages on which a formula may describe a claimed effect: its own, or the speed for a change of the step."""
+    stages = {effect.stage for effect in claimed.model.effects}
+    return stages | ({"speed"} if "step" in stages else set())
 
 
 def leaves_enough_for_a_formula(claimed: Fit, criteria: Criteria) -> bool:
