@@ -39,6 +39,17 @@ def test_nothing_missing_is_adequate(drawn):
     assert found.next_trials == ()
 
 
+@pytest.mark.parametrize(
+    ("offered", "said"), [(1, ""), (2, "; or stance_overlap + slow_phase_speed with the radius as given")]
+)
+def test_effects_that_would_explain_another_leg_radius_are_told_beside_the_doubt(drawn, offered, said):
+    both = {"stance_overlap": {"eta": 0.11}, "slow_phase_speed": {"rho": 0.8}}
+    cells = cells_of(drawn(tuple(both), levels=4, omega=(6, 11, 15, 19, 23, 27), values=both))
+    found = discover(cells, {name: catalogue()[name] for name in both}, max_effects=offered)
+    assert (found.verdict.status, found.verdict.effects, len(found.fits)) == ("unexplained", (), 1)
+    assert re.search(r"robot\.yaml may be wrong.*, not on 3\.55 cm" + re.escape(said) + "$", found.verdict.because)
+
+
 def test_the_sentence_has_the_p_of_the_fit_that_is_reported(drawn):
     """With nuisances, here a zero of the lift off by a grain; not that of the fit from which the verdict was drawn."""
     trials = drawn(seed=5)

@@ -14,8 +14,18 @@ from sandbot_model.discovery.verdict import Verdict
 CLAIM = Verdict("identified", ("a", "b"), (("a", "b"),), "")
 
 
-def fit(*effects, bic):
-    return SimpleNamespace(effects=effects, bic=bic, deviance=bic, goodness=SimpleNamespace(chi2=50.0, dof=60))
+def fit(*effects, bic, stage="strength", variants=()):
+    model = SimpleNamespace(effects=[SimpleNamespace(stage=stage) for _ in effects])
+    goodness = SimpleNamespace(chi2=50.0, dof=60)
+    return SimpleNamespace(
+        effects=effects, bic=bic, deviance=bic, goodness=goodness, model=model, variants=dict(variants)
+    )
+
+
+def hold_against(monkeypatch, bic, stage="speed"):
+    """Let the best formula on top of anything have this BIC."""
+    formula = SimpleNamespace(bic=bic, sentence="so much", leaves_nothing=True, stage=stage)
+    monkeypatch.setattr(formula_search, "_on_top_of", lambda *_: formula)
 
 
 @pytest.mark.parametrize(
@@ -27,7 +37,8 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
 
     def formula(_search, fit, _hopeless):
         asked.append(fit.effects)
-        return SimpleNamespace(bic=bic, sentence="so much", leaves_nothing=passes) if fit.effects else None
+        of = {"sentence": "so much", "stage": "speed", "leaves_nothing": passes}
+        return SimpleNamespace(bic=bic, **of) if fit.effects else None
 
     monkeypatch.setattr(formula_search, "_on_top_of", formula)
     fits = [fit(bic=300.0), fit("a", bic=200.0), fit("b", bic=150.0), fit("c", bic=140.0), fit("a", "b", bic=100.0)]
@@ -36,6 +47,39 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
     assert (found is not None) == refused
     assert found is None or (found[0].status == "unexplained" and "ΔBIC -30" in found[0].because)
     assert found is None or found[1].bic == bic
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "of_effect", "stage", "refused"),
+    [
+        (True, "strength", "speed", True),
+        (True, "strength", "strength", False),
+        (True, "step", "speed", False),
+        (False, "strength", "strength", True),
+    ],
+)
+def test_a_formula_on_the_stage_of_an_effect_is_another_form_of_it(monkeypatch, elsewhere, of_effect, stage, refused):
+    """A motor that saturates beyond a knee is motor_saturation, although a formula on its clock fits far better."""
+    hold_against(monkeypatch, 40.0, stage)
+    fits = {(): fit(bic=300.0), ("a",): fit("a", bic=100.0, stage=of_effect)}
+    claim = Verdict("identified", ("a",), (("a",),), "")
+    found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), claim, fits, elsewhere=elsewhere)
+    assert (found is not None) == refused
+
+
+@pytest.mark.parametrize(("scatter", "refused"), [(0.0, True), (15.0, False)])
+def test_what_a_claim_gains_by_scatter_of_the_bed_counts_for_it(monkeypatch, scatter, refused):
+    hold_against(monkeypatch, 70.0)
+    fits = {(): fit(bic=300.0), ("a", "b"): fit("a", "b", bic=100.0)}
+    found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), CLAIM, fits, scatter=scatter)
+    assert (found is not None) == refused
+
+
+@pytest.mark.parametrize(("deviance", "asked"), [(90.0, True), (75.0, False)])
+def test_one_effect_of_the_catalogue_is_held_against_a_formula_if_it_leaves_enough(held, deviance, asked):
+    """Of 60 degrees of freedom; a formula, selected from many, must lead by 22."""
+    one = Verdict("identified", ("a",), (("a",),), "")
+    assert held(one, {("a",): fit("a", bic=deviance)}) == asked
 
 
 @pytest.mark.parametrize(
@@ -48,22 +92,22 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
 )
 def test_an_effect_in_another_shape_is_held_against_a_formula(held, status, variants, asked):
     one = Verdict(status, ("a",), (("a",),), "")
-    assert held(one, {("a",): SimpleNamespace(variants=variants)}) == asked
+    assert held(one, {("a",): fit("a", bic=50.0, variants=variants)}) == asked
 
 
 @pytest.mark.parametrize(
     ("status", "asked"), [("identified", True), ("ambiguous", True), ("partial", False), ("unexplained", False)]
 )
 def test_whatever_claims_several_effects_is_held_against_a_formula(held, status, asked):
-    assert held(replace(CLAIM, status=status), {}) == asked
+    assert held(replace(CLAIM, status=status), {("a", "b"): fit("a", "b", bic=50.0)}) == asked
 
 
 @pytest.fixture
 def held(monkeypatch):
     """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
-    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: (refused, "formula"))
-    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, _: search.fits)
+    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_, **__: (refused, "formula"))
+    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, *_: search.fits)
     monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
 
     def held(claim, fits):

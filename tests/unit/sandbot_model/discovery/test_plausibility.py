@@ -8,7 +8,7 @@ import pytest
 
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.plausibility import doubts, implausible_k
+from sandbot_model.discovery.plausibility import doubts, effects_may_explain, implausible_k
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
@@ -36,6 +36,12 @@ def test_legs_too_short_for_the_peak_speeds_are_doubted(trials):
     # Without the peaks, only what else is measured speaks.
     blind = cells_of(replace(trials, robot=Robot(**short), peak_speed_m_s=np.full(len(trials), np.nan)))
     assert not any("peak speeds" in said for said in doubts(blind))
+
+
+def test_effects_may_explain_another_radius_but_no_legs_beyond_their_limits(trials):
+    assert effects_may_explain(as_of(trials, leg_radius_m=0.045))
+    assert not effects_may_explain(as_of(trials, leg_radius_m=0.025, axle_height_m=0.02))
+    assert not effects_may_explain(cells_of(trials))
 
 
 def test_a_body_that_rises_higher_than_legs_can_lift_it_is_doubted(trials):

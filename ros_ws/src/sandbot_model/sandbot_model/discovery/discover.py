@@ -1,6 +1,6 @@
 """From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it?
 
-1. Skip the search if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
+1. Name nothing if robot.yaml or the table is in doubt (``plausibility``), or pure error is unknown (``untested``).
 2. Fit the base model, then sets of one, two and three effects, until one size suffices (``effect_search``).
 3. Judge the sets against the replicates (``verdict``), and again with nuisances that trials share (``sharing``).
 4. Test a claim against effects under other conventions (``conventions``) and against formulas (``formula_search``).
@@ -21,6 +21,7 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
+from sandbot_model.discovery.batch_sd import ALIKE, batch_sd_of
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, nearly_claimed, only_implausible
 from sandbot_model.discovery.conventions import (
@@ -37,6 +38,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.formula_search import (
     formula_on_top_of,
     formula_to_try,
+    leaves_enough_for_a_formula,
     outdone_by_a_formula,
     repairs_something,
 )
@@ -45,12 +47,12 @@ from sandbot_model.discovery.leg_radius import instead_of_a_reading, instead_of_
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with, gain_of_batches
 from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
-from sandbot_model.discovery.plausibility import implausible_k, in_doubt, robot_may_be_wrong
+from sandbot_model.discovery.plausibility import effects_may_explain, implausible_k, in_doubt, robot_may_be_wrong
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
@@ -68,6 +70,7 @@ from sandbot_model.discovery.verdict import (
     EXPLAINS_ALL,
     Sets,
     Verdict,
+    either,
     judge,
     leaves_nothing,
     next_best,
@@ -228,7 +231,7 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
-    called with (stage, done, total). No effect is tried where robot.yaml or the table is in doubt (``plausibility``).
+    called with (stage, done, total). No effect is named where robot.yaml or the table is in doubt (``plausibility``).
     Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
@@ -252,7 +255,8 @@ def _discovered(
     progress: Progress,
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-    doubted = in_doubt(cells)
+    if doubted := in_doubt(cells):
+        doubted += _or_effects(search, max_effects)
     preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
     found, partial = _search_and_judge(search, preset, max_effects)
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
@@ -303,6 +307,17 @@ def _discovered(
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
+
+
+def _or_effects(search: EffectSearch, max_effects: int) -> str:
+    """One clause: the sets that would be claimed if the doubted radius were right; empty if there are none."""
+    if not effects_may_explain(search.cells) or untested(search.cells, search.model(()), search.criteria):
+        return ""
+    how: dict[str, Any] = {"criteria": search.criteria, "fit_all": search.fit_all, "progress": search.progress}
+    as_given = EffectSearch(search.cells, search.effects, search.base, **how)
+    as_given.run(max_effects, lambda size: nuisances_suffice(as_given, size))
+    found = _judged(as_given).verdict
+    return f"; or {either(found.alternatives)} with the radius as given" if found.status in EXPLAINS_ALL else ""
 
 
 def _instead(search: EffectSearch, verdict: Verdict, named: Fit, rival: Fit | None) -> tuple[list[Fit], str]:
@@ -421,7 +436,7 @@ def _with_remarks(
         remarks.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
         remarks.append(rival_calibration_error(search, named))
-    # Where the robot is in doubt there was no search, and calibration is not the question.
+    # Where the robot is in doubt this search had no effects, and calibration is not the question.
     if verdict.status == "unexplained" and len(search.fits) > 1:
         remarks.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
@@ -440,14 +455,25 @@ def _mistaken(effect: Effect) -> str:
 
 
 def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
-    """The refusal of a claim that a formula outdoes. Tested for claims of several effects, of an effect under another
-    convention (picked from dozens), or with nuisances; None for others, or where no formula is clearly better."""
+    """The refusal of a claim that a formula outdoes; None where none is clearly better, or nothing is claimed.
+
+    Any formula speaks against several effects, an effect under another convention (picked from dozens), or a claim with
+    nuisances; if these include scatter of the bed, also a formula that needs none. Against an effect of the catalogue
+    that needs none of this, only formulas on another stage do, if it leaves enough for one to gain.
+    """
     if found.verdict.status not in EXPLAINS_ALL:
         return None
-    picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
-    if not picked and judge(search.fits, search.criteria).status != "unexplained":
+    names = found.verdict.effects
+    picked = len(names) > 1 or bool(conventions([found.fits[names]]))
+    granted = picked or judge(search.fits, search.criteria).status == "unexplained"
+    fits = refitted_as_claimed(search, found)
+    if not granted and not leaves_enough_for_a_formula(fits[names], search.criteria):
         return None
-    outdone = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
+    outdone = outdone_by_a_formula(search, found.verdict, fits, elsewhere=not granted)
+    if outdone is None and granted and batch_sd_of(found.named):
+        even = refitted_as_claimed(search, found, ALIKE)
+        scatter = gain_of_batches(even[names], search.criteria)
+        outdone = outdone_by_a_formula(search, found.verdict, even, scatter=scatter)
     if outdone is None:
         return None
     refused, formula = outdone

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
 from sandbot_model.discovery.sharing import refitted_at_priors
@@ -76,26 +77,52 @@ def _sufficient_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedF
     return min(found, key=lambda formula: formula.bic, default=None)
 
 
-def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> tuple[Verdict, SuggestedFormula] | None:
+def outdone_by_a_formula(
+    search: EffectSearch, claim: Verdict, fits: Sets, *, elsewhere: bool = False, scatter: float = 0.0
+) -> tuple[Verdict, SuggestedFormula] | None:
     """The verdict ``unexplained``, and the formula, if one on top of fewer effects leaves no lack of fit and its BIC is
     clearly better than the claim's, even after the price of its selection from many; else None.
 
     Several effects together, one under another convention or one with batch offsets can imitate a mechanism that is
-    none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances.
+    none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances. ``scatter`` is what
+    the claim gains, in BIC, by scatter of the bed that these do not have. With ``elsewhere`` only formulas on another
+    stage of the chain count: one on the stage of a claimed effect is that effect in another form (``_levers_of``).
     """
     claimed = fits[claim.effects]
+    bic, own = claimed.bic - scatter, _levers_of(claimed) if elsewhere else set()
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
-    lead = search.criteria.clearly * overdispersion(claimed) + selection_penalty(LIBRARY_SIZE)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
-        if formula is not None and formula.bic < claimed.bic - lead and formula.leaves_nothing:
+        if (
+            formula is not None
+            and formula.leaves_nothing
+            and formula.bic < bic - _lead(claimed, search.criteria)
+            and formula.stage not in own
+        ):
             because = (
                 f"{' + '.join(claim.effects)} explains much, but one formula fits better (ΔBIC "
-                f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"
+                f"{formula.bic - bic:.0f}): {formula.sentence}"
             )
             return Verdict("unexplained", (), (), because), formula
     return None
+
+
+def _levers_of(claimed: Fit) -> set[str]:
+    """The stages on which a formula may describe a claimed effect: its own, or the speed for a change of the step."""
+    stages = {effect.stage for effect in claimed.model.effects}
+    return stages | ({"speed"} if "step" in stages else set())
+
+
+def leaves_enough_for_a_formula(claimed: Fit, criteria: Criteria) -> bool:
+    """Whether a claim leaves so much more deviance than the truth would, its degrees of freedom, that a formula can be
+    clearly better."""
+    return claimed.deviance - claimed.goodness.dof > _lead(claimed, criteria)
+
+
+def _lead(claimed: Fit, criteria: Criteria) -> float:
+    """Lead in BIC from which a formula, selected from many, is clearly better than a claim."""
+    return criteria.clearly * overdispersion(claimed) + selection_penalty(LIBRARY_SIZE)
 
 
 def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:

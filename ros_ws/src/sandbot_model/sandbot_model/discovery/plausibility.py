@@ -58,7 +58,13 @@ def robot_may_be_wrong(*why: str) -> str:
 
 def doubts(cells: Cells) -> tuple[str, ...]:
     """Reasons to doubt robot.yaml, one clause each; empty where it is plausible."""
-    return tuple(_doubts(cells))
+    return (*_beyond_limits(cells), *_another_radius(cells))
+
+
+def effects_may_explain(cells: Cells) -> bool:
+    """Whether effects may explain all that puts robot.yaml in doubt: none makes legs reach beyond their limits, but two
+    together may imitate another radius."""
+    return bool([*_another_radius(cells)]) and not any(_beyond_limits(cells)) and not _two_set_ups(cells)
 
 
 def implausible_k(fit: Fit) -> str:
@@ -93,9 +99,8 @@ def _two_set_ups(cells: Cells) -> str:
     return f"replicates form two groups, up to {groups.last} and from {groups.first} on; they scatter in {scatter}"
 
 
-def _doubts(cells: Cells) -> Iterator[str]:
-    robot = cells.robot
-    mean = np.where(_all_walk(cells)[:, None], cells.mean, np.nan)
+def _beyond_limits(cells: Cells) -> Iterator[str]:
+    robot, mean = cells.robot, _of_walkers(cells)
     top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
     step = np.pi * mean[:, Observable.speed] / cells.omega
     pushed = _pushed(cells, mean, step)
@@ -115,6 +120,11 @@ def _doubts(cells: Cells) -> Iterator[str]:
     ):
         if (usual := _median(ratio)) > TOO_FAR and not (with_a_push and pushed):
             yield what.format(usual, R=CM * robot.leg_radius_m)
+
+
+def _another_radius(cells: Cells) -> Iterator[str]:
+    robot, mean = cells.robot, _of_walkers(cells)
+    step = np.pi * mean[:, Observable.speed] / cells.omega
     by_peak, by_lift = (_median(radius) for radius in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
     difference = abs(by_peak - by_lift) / robot.leg_radius_m
     if difference < EQUAL and min(abs(radius / robot.leg_radius_m - 1) for radius in (by_peak, by_lift)) > DIFFERENT:
@@ -122,6 +132,11 @@ def _doubts(cells: Cells) -> Iterator[str]:
             f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
             f"not on {CM * robot.leg_radius_m:.3g} cm"
         )
+
+
+def _of_walkers(cells: Cells) -> Floats:
+    """The cell means ``(n, 4)`` [SI], NaN where not every trial walked."""
+    return np.where(_all_walk(cells)[:, None], cells.mean, np.nan)
 
 
 def _all_walk(cells: Cells) -> Bool:
