@@ -67,14 +67,6 @@ def test_a_formula_on_the_stage_of_an_effect_is_another_form_of_it(monkeypatch, 
     assert (found is not None) == refused
 
 
-@pytest.mark.parametrize(("scatter", "refused"), [(0.0, True), (15.0, False)])
-def test_what_a_claim_gains_by_scatter_of_the_bed_counts_for_it(monkeypatch, scatter, refused):
-    hold_against(monkeypatch, 70.0)
-    fits = {(): fit(bic=300.0), ("a", "b"): fit("a", "b", bic=100.0)}
-    found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), CLAIM, fits, scatter=scatter)
-    assert (found is not None) == refused
-
-
 @pytest.mark.parametrize(("deviance", "asked"), [(90.0, True), (75.0, False)])
 def test_one_effect_of_the_catalogue_is_held_against_a_formula_if_it_leaves_enough(held, deviance, asked):
     """Of 60 degrees of freedom; a formula, selected from many, must lead by 22."""
@@ -107,7 +99,7 @@ def held(monkeypatch):
     """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_, **__: (refused, "formula"))
-    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, *_: search.fits)
+    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, _: search.fits)
     monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
 
     def held(claim, fits):

@@ -21,7 +21,6 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
-from sandbot_model.discovery.batch_sd import ALIKE, batch_sd_of
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates, nearly_claimed, only_implausible
 from sandbot_model.discovery.conventions import (
@@ -47,7 +46,7 @@ from sandbot_model.discovery.leg_radius import instead_of_a_reading, instead_of_
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with, gain_of_batches
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, averaged_with
 from sandbot_model.discovery.nuisances_in_words import confounded_drift, significant
 from sandbot_model.discovery.one_observable import refused_from_one_observable
 from sandbot_model.discovery.other_sign import refused_for_the_other_sign
@@ -458,8 +457,8 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     """The refusal of a claim that a formula outdoes; None where none is clearly better, or nothing is claimed.
 
     Any formula speaks against several effects, an effect under another convention (picked from dozens), or a claim with
-    nuisances; if these include scatter of the bed, also a formula that needs none. Against an effect of the catalogue
-    that needs none of this, only formulas on another stage do, if it leaves enough for one to gain.
+    nuisances. Against an effect of the catalogue that needs none of this, only formulas on another stage do, if it
+    leaves enough for one to gain.
     """
     if found.verdict.status not in EXPLAINS_ALL:
         return None
@@ -470,10 +469,6 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     if not granted and not leaves_enough_for_a_formula(fits[names], search.criteria):
         return None
     outdone = outdone_by_a_formula(search, found.verdict, fits, elsewhere=not granted)
-    if outdone is None and granted and batch_sd_of(found.named):
-        even = refitted_as_claimed(search, found, ALIKE)
-        scatter = gain_of_batches(even[names], search.criteria)
-        outdone = outdone_by_a_formula(search, found.verdict, even, scatter=scatter)
     if outdone is None:
         return None
     refused, formula = outdone

@@ -78,18 +78,18 @@ def _sufficient_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedF
 
 
 def outdone_by_a_formula(
-    search: EffectSearch, claim: Verdict, fits: Sets, *, elsewhere: bool = False, scatter: float = 0.0
+    search: EffectSearch, claim: Verdict, fits: Sets, *, elsewhere: bool = False
 ) -> tuple[Verdict, SuggestedFormula] | None:
     """The verdict ``unexplained``, and the formula, if one on top of fewer effects leaves no lack of fit and its BIC is
     clearly better than the claim's, even after the price of its selection from many; else None.
 
     Several effects together, one under another convention or one with batch offsets can imitate a mechanism that is
-    none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances. ``scatter`` is what
-    the claim gains, in BIC, by scatter of the bed that these do not have. With ``elsewhere`` only formulas on another
-    stage of the chain count: one on the stage of a claimed effect is that effect in another form (``_levers_of``).
+    none of them. ``fits`` are those that the claim rests on: the formula gets the same nuisances. With ``elsewhere``
+    only formulas on another stage of the chain count: one on the stage of a claimed effect is that effect in another
+    form (``_levers_of``).
     """
     claimed = fits[claim.effects]
-    bic, own = claimed.bic - scatter, _levers_of(claimed) if elsewhere else set()
+    own = _levers_of(claimed) if elsewhere else set()
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
     for fit in on_top:
@@ -97,12 +97,12 @@ def outdone_by_a_formula(
         if (
             formula is not None
             and formula.leaves_nothing
-            and formula.bic < bic - _lead(claimed, search.criteria)
+            and formula.bic < claimed.bic - _lead(claimed, search.criteria)
             and formula.stage not in own
         ):
             because = (
                 f"{' + '.join(claim.effects)} explains much, but one formula fits better (ΔBIC "
-                f"{formula.bic - bic:.0f}): {formula.sentence}"
+                f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"
             )
             return Verdict("unexplained", (), (), because), formula
     return None

@@ -140,13 +140,11 @@ def refitted_globally(fit: Fit) -> Fit:
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
-def refitted_as_claimed(search: EffectSearch, found: Shared, batch_sd: BatchSd | None = None) -> dict[Names, Fit]:
-    """The claimed set, each of its effects and the base model, refitted with the nuisances that the claim assumes, or
-    with other batch SDs."""
+def refitted_as_claimed(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
+    """The claimed set, each of its effects and the base model, refitted with the nuisances that the claim assumes."""
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
-    own = batch_sd_of(found.named) if batch_sd is None else batch_sd
-    return _refitted(search, [names for names in search.fits if names in sets], own)
+    return _refitted(search, [names for names in search.fits if names in sets], batch_sd_of(found.named))
 
 
 def calibrated(fit: Fit, criteria: Criteria) -> Fit | None:
