@@ -220,6 +220,15 @@ def test_the_first_sentences_of_a_verdict_hold_no_statistic(discovery, status):
     assert "Next: 2 trials" in said
 
 
+def test_what_fits_as_well_in_another_form_is_named_in_the_first_sentences(discovery):
+    found = replace(discovery, verdict=replace(discovery.verdict, status="identified"))
+    assert "every other explanation that was tried fits clearly worse" in in_three_sentences(found, SANDBOT).lower()
+    slope, slip = (SimpleNamespace(effects=(name,)) for name in ("bed_slope", "leg_slip"))
+    said = in_three_sentences(replace(found, alike=(slope, slip, slope)), SANDBOT)
+    assert "in another form bed slope and leg slip would fit as well." in said
+    assert "every other explanation" not in said.lower()
+
+
 def test_what_the_user_wrote_can_not_become_markup(page):
     assert "<title>Trial &lt;run&gt; &amp; co</title>" in page
     assert "&lt;b&gt;nothing&lt;/b&gt; &amp; no one" in page

@@ -72,6 +72,7 @@ from sandbot_model.discovery.verdict import (
     either,
     judge,
     leaves_nothing,
+    look_alikes,
     next_best,
     p_in_words,
     refused_as_implausible,
@@ -126,6 +127,8 @@ class Discovery:
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
     """Limits at 95 % on effects that are absent."""
+    alike: tuple[Fit, ...] = ()
+    """Sets with effects in another form than the catalogue's that do not fit clearly worse than the identified one."""
     allowing: str = ""
     """What the trials share, in words, without which an adequate base model would show lack of fit; else empty."""
     controls: Mapping[str, str] = field(default_factory=dict)
@@ -293,6 +296,7 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
+        alike=tuple(look_alikes(others, search.fits[verdict.effects], criteria)),
         allowing=allowing,
         controls=controls,
         unseen=not_shown,

@@ -260,11 +260,15 @@ def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criter
         # Excluded for its parameters, not for its fit: the reader may judge them differently.
         but = f"but with {doubtful_parameters(ranked[0])[0]} at or beyond its bound"
         clauses.append(f"({_name(ranked[0].effects)} {ranked[0].bic - best.bic:.0f}, {but})")
-    most = best.bic + criteria.clearly * overdispersion(best)
-    near = (fit for fit in ranked if fit.bic < most and passes(fit, criteria))
-    alike = ["it" if fit is second else _in_full(fit) for fit in near]
+    alike = ["it" if fit is second else _in_full(fit) for fit in look_alikes(ranked, best, criteria)]
     same = f"{' and '.join(alike)} can look the same" if alike else ""
     return "; ".join(filter(None, (" ".join(clauses), same)))
+
+
+def look_alikes(others: Iterable[Fit], best: Fit, criteria: Criteria = DEFAULT) -> list[Fit]:
+    """Those of other sets that pass and do not fit clearly worse."""
+    most = best.bic + criteria.clearly * overdispersion(best)
+    return [fit for fit in others if fit.bic < most and passes(fit, criteria)]
 
 
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:

@@ -77,12 +77,22 @@ def _how_sure(found: Discovery) -> str:
         "adequate": f"{counted(len(found.unseen), 'effect')} may be there all the same, unseen in these data"
         if found.unseen
         else "an effect of its usual strength would have shown",
-        "identified": "every other explanation that was tried fits clearly worse or takes implausible values",
+        "identified": _next_to(found),
         "ambiguous": "which of them it is, these data can't tell",
         "partial": "the effect is not in doubt as far as it goes, but something else is missing, too",
         "unexplained": "that holds for the effects that were tried; the true one may be another",
         "untested": "a good fit proves nothing here",
     }[found.verdict.status]
+
+
+def _next_to(found: Discovery) -> str:
+    if not found.alike:
+        return "every other explanation that was tried fits clearly worse or takes implausible values"
+    alike = " and ".join(dict.fromkeys(" + ".join(map(readable, fit.effects)) for fit in found.alike))
+    return (
+        "every other effect, in the catalogue's form, fits clearly worse or takes implausible values; in another form "
+        f"{alike} would fit as well"
+    )
 
 
 def _next(found: Discovery) -> str:

@@ -50,7 +50,7 @@ def _compare(argv: Sequence[str]) -> None:
     parser.add_argument("--bootstrap", type=int, metavar="N", help="standard errors from N draws of the trials, too")
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
-    args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
+    args.typed = shlex.join(["trackway", "compare", *argv])
     arguments.check_report(args)
     if args.bootstrap is not None and args.bootstrap < 2:
         raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed")

@@ -50,7 +50,7 @@ def _discover(argv: Sequence[str]) -> None:
     )
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
-    args.typed = shlex.join(["ros2", "run", "sandbot_model", "discover", *argv])
+    args.typed = shlex.join(["trackway", "discover", *argv])
     if args.max_effects < 0:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
     if args.calibrate is not None and args.calibrate < 1:
