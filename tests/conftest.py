@@ -120,9 +120,9 @@ class Beside:
 
     def call(self, service: str) -> Any:
         """The answer of a Trigger service, which is asked again if it says so, as after a stop."""
-        from sandbot_common.standstill import AGAIN
+        from sandbot_common.standstill import REFUSED_S
 
-        while (answer := self.call_once(service)).message.endswith(AGAIN):
+        while (answer := self.call_once(service)).message in REFUSED_S:
             self.wait(lambda: False, 0.2)
         return answer
 

@@ -10,7 +10,7 @@ import pytest
 
 from sandbot_common import topics
 from sandbot_common.ros import endpoints
-from sandbot_common.standstill import AWAKE_S
+from sandbot_common.standstill import STOPPED_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
@@ -65,7 +65,7 @@ def test_a_stop_outlives_the_start_of_another_console_that_was_under_way(trackwa
     first, second = opened(0, "a"), opened(1, "b")
     with ThreadPoolExecutor() as people:
         for delay_s in (0.012, 0.03, 0.2):
-            beside.wait(lambda: False, AWAKE_S + 0.2)  # what the last stop, or the clock's begin, refuses is over
+            beside.wait(lambda: False, STOPPED_S + 0.2)  # what the last stop, or the clock's begin, refuses is over
             begun = people.submit(first.press, "call/start")
             beside.wait(lambda: False, delay_s)
             stopped = people.submit(second.press, "stop")

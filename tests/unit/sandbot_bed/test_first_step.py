@@ -8,7 +8,7 @@ import pytest
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_bed.protocol import PulseProtocol
-from sandbot_common.standstill import AWAKE_S, STOPPED, Standstill
+from sandbot_common.standstill import STOPPED, Standstill
 
 TRIGGER = SimpleNamespace(success=None, message="")
 
@@ -70,5 +70,5 @@ def test_an_abort_outlives_a_preparation_that_was_asked_for_before_it_and_no_lat
     stages.clear()
     answer = one._on_prepare(None, TRIGGER)
     assert (answer.success, answer.message, stages) == (False, STOPPED, [])
-    one._standstill = Standstill(time.monotonic(), time.monotonic() - AWAKE_S, STOPPED)
+    one._standstill = Standstill(time.monotonic(), time.monotonic() - 0.1, STOPPED)
     assert one._on_prepare(None, TRIGGER).success

@@ -22,7 +22,7 @@ from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.ros.timer import end_timers
-from sandbot_common.standstill import AWAKE_S, BEGUN, OLD, STOPPED
+from sandbot_common.standstill import BEGUN, OLD, REFUSED_S, STOPPED, STOPPED_S
 from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -182,13 +182,13 @@ def asked(said, since_s):
 
 @pytest.mark.parametrize("why", [OLD, BEGUN])
 def test_who_was_held_up_until_just_now_is_asked_again(why):
-    assert asked([why, "running"], time.monotonic()) == [AWAKE_S]
+    assert asked([why, "running"], time.monotonic()) == [REFUSED_S[why]]
 
 
 def test_a_stop_before_the_trial_is_waited_for_and_a_later_one_holds():
     """The end of the last trial, or a person before Go, are no reason to end this one."""
     (waited_s,) = asked([STOPPED, "running"], time.monotonic() - 2.0)
-    assert waited_s == pytest.approx(AWAKE_S - 2.0, abs=1.0)
+    assert waited_s == pytest.approx(STOPPED_S - 2.0, abs=0.9)
     with pytest.raises(StoppedByHand, match="stopped by hand before /clock/start"):
         asked([STOPPED, STOPPED], time.monotonic() - 60.0)
 

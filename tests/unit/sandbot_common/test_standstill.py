@@ -1,6 +1,16 @@
 import pytest
 
-from sandbot_common.standstill import AGAIN, AWAKE_S, BEGUN, LIMIT_S, STOPPED, Standstill
+from sandbot_common.standstill import (
+    AWAKE_S,
+    BEGUN,
+    BEGUN_S,
+    LIMIT_S,
+    OLD,
+    REFUSED_S,
+    STOPPED,
+    STOPPED_S,
+    Standstill,
+)
 
 THAWED_S = 100.0 + LIMIT_S + 1.0
 
@@ -32,19 +42,27 @@ def test_what_was_meant_for_the_process_before_it_starts_nothing(first):
     loop = Standstill()
     first(loop, 100.0)
     assert loop.refusal(100.1) == BEGUN
-    for second in range(101, 106):
-        loop.turn(second)
-    assert loop.refusal(100.1 + AWAKE_S) == ""
+    assert loop.refusal(100.1 + BEGUN_S) == ""
 
 
 def test_a_stop_outlives_what_was_asked_before_it_and_no_longer():
     loop = turning()
     loop.stop(100.5)
     loop.stop(101.0)
-    assert BEGUN.endswith(AGAIN)
-    for second in range(101, 106):
+    for second in range(101, 104):
         assert loop.refusal(second) == STOPPED
-    assert loop.refusal(101.1 + AWAKE_S) == ""
+    assert loop.refusal(101.1 + STOPPED_S) == ""
+
+
+def test_a_stop_shortens_no_other_refusal():
+    """What was sent to a loop that stood still may arrive later than a stop would count."""
+    loop = turning()
+    assert loop.refusal(THAWED_S) == OLD
+    loop.stop(THAWED_S + 0.1)
+    for second in range(1, 6):
+        assert loop.refusal(THAWED_S + second)
+    assert loop.refusal(THAWED_S + AWAKE_S + 0.1) == ""
+    assert REFUSED_S[BEGUN] < REFUSED_S[STOPPED] < REFUSED_S[OLD]
 
 
 def test_who_asks_again_is_obeyed():

@@ -7,10 +7,22 @@ LIMIT_S = 2.0
 """Shorter than any client's timeout; longer than a busy machine keeps a loop from a CPU."""
 AWAKE_S = 5.0
 """For this long after it resumes, a loop may still receive old requests: DDS resends to unreachable readers every 3 s
-(measured: 0.6 to 3.07 s after it resumed). So long, too, a start may be under way when a stop overtakes it: a page's
-request is up to 2 s old, and then waits up to 1 s for its lease."""
-AGAIN = f", and this may be an old request; ask again in {AWAKE_S:g} s"
-OLD, BEGUN, STOPPED = (f"{why}{AGAIN}" for why in ("held up until just now", "only just begun", "stopped just now"))
+(measured: 0.6 to 3.07 s after it resumed)."""
+STOPPED_S = 3.0
+"""For this long a start may be under way when a stop overtakes it: a page's request is up to 2 s old, and then waits up
+to 1 s for its lease."""
+BEGUN_S = 1.0
+"""For this long a new process may receive what its predecessor was asked."""
+OLD, BEGUN, STOPPED = (
+    f"{why}, and this may be an old request; ask again in {seconds:g} s"
+    for why, seconds in (
+        ("held up until just now", AWAKE_S),
+        ("only just begun", BEGUN_S),
+        ("stopped just now", STOPPED_S),
+    )
+)
+REFUSED_S = {OLD: AWAKE_S, BEGUN: BEGUN_S, STOPPED: STOPPED_S}
+"""For how long nothing may begin, by the reason."""
 
 
 @dataclass
@@ -22,7 +34,7 @@ class Standstill:
     """
 
     _turned_s: float = math.nan
-    _since_s: float = -math.inf
+    _until_s: float = -math.inf
     _why: str = ""
     woke_s: float = -math.inf
     held_s: float = 0.0
@@ -34,16 +46,19 @@ class Standstill:
         if woke := stood_s > LIMIT_S:
             self.woke_s, self.held_s = now_s, stood_s
         if woke or math.isnan(stood_s):
-            self._since_s, self._why = now_s, OLD if woke else BEGUN
+            self._refuse(OLD if woke else BEGUN, now_s)
         return woke
 
     def stop(self, now_s: float) -> None:
         """A stop was asked for: whatever was asked before it must not start any more."""
         self.turn(now_s)
-        self._since_s, self._why = now_s, STOPPED
+        self._refuse(STOPPED, now_s)
 
     def refusal(self, now_s: float) -> str:
         """Why nothing may begin (OLD, BEGUN or STOPPED); an empty string if it may."""
         # After a standstill the request may be handled before the timer that calls ``turn``.
         self.turn(now_s)
-        return self._why if now_s - self._since_s <= AWAKE_S else ""
+        return self._why if now_s <= self._until_s else ""
+
+    def _refuse(self, why: str, now_s: float) -> None:
+        self._until_s, self._why = max(self._until_s, now_s + REFUSED_S[why]), why

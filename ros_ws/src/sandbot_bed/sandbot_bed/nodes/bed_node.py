@@ -1,7 +1,7 @@
 """The bed node: runs the pulse protocol against the blower and the height sensor.
 
 /bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status reports its progress and
-/bed/volume_fraction (latched) its result. /bed/abort turns the air off, and so does the end of the node; for 5 s after
+/bed/volume_fraction (latched) its result. /bed/abort turns the air off, and so does the end of the node; for 3 s after
 it none is prepared, as the request may be older than the abort (``standstill``).
 
 Interlock: a preparation is refused while legs are commanded to move or report that they do, and fails if they begin to;

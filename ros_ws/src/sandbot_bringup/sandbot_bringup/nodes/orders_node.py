@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_bringup.endings import StoppedByHand, TrialFailed
 from sandbot_common import topics
 from sandbot_common.ros.service import ask
-from sandbot_common.standstill import AGAIN, AWAKE_S, STOPPED
+from sandbot_common.standstill import REFUSED_S, STOPPED, STOPPED_S
 
 CALL_S = 10.0
 _TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
@@ -49,9 +49,9 @@ class Orders:
         over; raises StoppedByHand after a later one.
         """
         answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
-        if answer and answer.message.endswith(AGAIN):
-            again_s = since_s + AWAKE_S if answer.message == STOPPED else math.inf
-            self._wait(lambda: False, min(AWAKE_S, max(again_s - time.monotonic(), 0.0)))
+        if answer and answer.message in REFUSED_S:
+            again_s = since_s + STOPPED_S if answer.message == STOPPED else math.inf
+            self._wait(lambda: False, min(REFUSED_S[answer.message], max(again_s - time.monotonic(), 0.0)))
             answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
         if answer and answer.message == STOPPED:
             raise StoppedByHand(f"stopped by hand before {name}")

@@ -11,7 +11,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 - a set-point is late by more than late_s, as when the process was held up; a shorter delay is made up for gradually, as
   from one set-point to the next no leg ever turns further than in ten periods;
 - the bed's air is on (/bed/blower > 0), or another node publishes /leg_setpoints: then the clock does not start either.
-A start may be older than a /clock/stop that was received before it: for 5 s after one, none is obeyed (``standstill``).
+A start may be older than a /clock/stop that was received before it: for 3 s after one, none is obeyed (``standstill``).
 """
 
 import math
