@@ -41,7 +41,7 @@ class Page:
 
 @pytest.fixture
 def trackway(start, beside):
-    """A clock, in no hurry, and two consoles that have heard of it; the last set-point, and pages closed in the end."""
+    """A clock and two consoles that have heard of it; the last set-point, and pages that are closed in the end."""
     moving, pages = [False], []
     start(
         sys.executable, "-m", "sandbot_clock.nodes.clock_node", "--ros-args", "-p", "late_s:=0.25", "-p", "lease_s:=1.0"
