@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "lookup" / "pasted.md"
 PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if path != PAGE)]
 BEGINS = ("ros2 ", "make ", "source ", "cut ", "printf ", "trackway ", ".venv/bin/trackway ")
+MAKES = ("cut ", "printf ")
+"""Commands that make a file for others, and so are always run."""
 SERVES_S = 25
 UNTIL_INTERRUPTED = ("ros2 launch", " explore ", "trackway simulate", "trackway live")
 """Commands, identified by a part, that run until Ctrl-C, which is sent after ``SERVES_S``."""
@@ -183,7 +185,8 @@ def main() -> int:
     parser.add_argument("--new", action="store_true", help="run only the commands that are not on the page yet")
     known = {}
     if parser.parse_args().new:
-        known = {line: int(code) for line, code in rows_of(PAGE.read_text(encoding="utf-8")) if code.isdigit()}
+        rows = rows_of(PAGE.read_text(encoding="utf-8"))
+        known = {line: int(code) for line, code in rows if code.isdigit() and not line.startswith(MAKES)}
     codes = {line: known[line] for line in ALL if line in known} | tried([line for line in ALL if line not in known])
     PAGE.write_text(page(codes), encoding="utf-8")
     wrong = [f"{code}: {line}" for line, code in codes.items() if not right(line, code)]
