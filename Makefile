@@ -7,7 +7,7 @@ DEMO_OUT ?= runs/demo
 PYTEST_ARGS ?=
 
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
-	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
+	ros_ws/src/sandbot_bringup/launch/*.py ros_ws/src/sandbot_bringup/config/*)
 
 .PHONY: help setup demo faults fuzz soak test test-quick test-whole lint bench bench-quick screenshots notebook docs reference pasted rerun lock browser clean
 

@@ -154,6 +154,14 @@ def test_launch_files_and_their_arguments_exist():
         assert set(re.findall(r"(\w+):=", arguments)) <= set(known)
 
 
+def test_a_second_make_builds_nothing_again():
+    """A folder among what the workspace is built from is newer as soon as Python writes its bytecode there."""
+    show = ["make", "--no-print-directory", "--eval", "show: ; @echo $(PACKAGE_FILES)", "show"]
+    built_from = subprocess.run(show, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    assert {"trackway.launch.py", "setup.py", "demo.yaml"} <= {Path(name).name for name in built_from}
+    assert [name for name in built_from if not (ROOT / name).is_file()] == []
+
+
 def test_make_targets_exist():
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     named = set(re.findall(r"(?:`|    )make ([\w-]+)", README))
