@@ -103,20 +103,19 @@ def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
         one._walk(TRIAL)
 
 
+def heard_of_bed(preparation, stage, text=""):
+    """Legs that report rest, and a bed's last message."""
+    bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text}
+    return SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=True, **bed)
+
+
 def test_what_begins_is_told_by_legs_and_bed_themselves():
     """Whoever has not got the answer asks again only for what has not begun."""
     one, begun = operator(), {}
     one.desk, one._stopped_by_hand = SimpleNamespace(enter=lambda _: None), lambda _: None
     one._orders.call = lambda name, word=None, *_: begun.update({name: word})
     one._wait = lambda *_: False
-    one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses,
-        bed_preparation="3",
-        bed_stage="ready",
-        bed_text="",
-        motion_start_ns=None,
-        reports_legs=True,
-    )
+    one._hearing = heard_of_bed("3", "ready")
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
             part()
@@ -151,14 +150,7 @@ def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
     one.get_name = lambda: "campaign"
     one._lease = SimpleNamespace(publish=lambda message: said.append(message.frame_id), wait_for_all_acked=lambda _: 1)
     one._wait = lambda condition, _: condition()
-    one._hearing = SimpleNamespace(
-        statuses=Hearing.statuses,
-        bed_preparation="",
-        bed_stage="failed",
-        bed_text="no height",
-        motion_start_ns=None,
-        reports_legs=True,
-    )
+    one._hearing = heard_of_bed("", "failed", "no height")
     one._orders.call = lambda name, *_: asked.update({name: said[-1:]})
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)

@@ -56,10 +56,8 @@ class SerialLegs(Node):
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock, self._host_clock, self._ahead_ns = DeviceClock(), HostClock(), 0
         self._health = ros_health.Health(self, self._figures, sole=True)
-        self._states, self._led = (
-            endpoints.publisher(self, topics.LEG_STATES),
-            endpoints.publisher(self, topics.SYNC_LED),
-        )
+        self._states = endpoints.publisher(self, topics.LEG_STATES)
+        self._led = endpoints.publisher(self, topics.SYNC_LED)
         endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning, steady=True)

@@ -140,6 +140,11 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi, robot))
 
 
+def level_name(cells: Cells, cell: int) -> str:
+    """The φ of a cell's level, by which text, tables and figures name the cell."""
+    return f"{cells.level_phi[cells.level[cell]]:.3f}"
+
+
 def cell_of(trials: Trials, cells: Cells) -> Ints:
     """Index of the cell that each trial, even an excluded one, belongs to ``(trials,)``; -1 if to none."""
     level = np.abs(trials.phi[:, None] - cells.level_phi).argmin(axis=1)

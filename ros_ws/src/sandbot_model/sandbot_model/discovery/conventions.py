@@ -33,7 +33,7 @@ from sandbot_model.discovery.verdict import (
     sound,
 )
 from sandbot_model.fitting.errors import with_sampled_errors
-from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.fit import Fit, fitted_at, refitted
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near, solve_near_unless_hopeless
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant, variants_of
@@ -180,9 +180,8 @@ def conventions(fits: Sequence[Fit]) -> dict[str, str]:
 def _bic_with_nuisances(search: EffectSearch, fit: Fit) -> float:
     """BIC with nuisances, less the gain by scatter of the bed as estimated about this fit: an effect that needs a rough
     bed explains less."""
-    own = nuisances_for(fit, search.criteria)
-    refitted = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
-    return float(refitted.bic - gain_of_batches(refitted, search.criteria))
+    found = refitted(fit, nuisances_for(fit, search.criteria))
+    return float(found.bic - gain_of_batches(found, search.criteria))
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:

@@ -70,6 +70,7 @@ from sandbot_model.discovery.verdict import (
     Sets,
     Verdict,
     either,
+    in_full,
     judge,
     leaves_nothing,
     look_alikes,
@@ -180,7 +181,7 @@ class Discovery:
     @property
     def headline(self) -> str:
         """The verdict in a few words: ``identified: stance_overlap``, ``ambiguous: one of 2 sets: a; b``."""
-        sets = [" + ".join(map(self.in_words, names)) for names in self.verdict.alternatives]
+        sets = [in_full(names, self.variants) for names in self.verdict.alternatives]
         if self.verdict.status == "ambiguous":
             return f"ambiguous: one of {len(sets)} sets: {'; '.join(sets)}"
         named = " or ".join(sets)
@@ -296,7 +297,7 @@ def _discovered(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        alike=tuple(look_alikes(others, search.fits[verdict.effects], criteria)),
+        alike=tuple(look_alikes(search.fits, search.fits[verdict.effects], others, criteria)),
         allowing=allowing,
         controls=controls,
         unseen=not_shown,

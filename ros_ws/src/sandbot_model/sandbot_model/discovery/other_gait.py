@@ -12,8 +12,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.discovery.verdict import leaves_nothing, p_in_words
-from sandbot_model.fitting.fit import Fit, fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.fitting.fit import Fit, fit, refitted
 from sandbot_model.physics.gait import ASSUMED, GAITS, clock_signal
 from sandbot_record.trials.table import Trials
 
@@ -49,5 +48,4 @@ def _fitted_to(cells: Cells, before: Fit, criteria: Criteria) -> Fit:
     plain = fit(before.model, cells, before.warm_start)
     if before.nuisances is None:
         return plain
-    own = nuisances_for(plain, criteria, batch_sd_of(before))
-    return fitted_at(plain.model, cells, solve_near((plain.model, cells, (plain.warm_start,), own)), own)
+    return refitted(plain, nuisances_for(plain, criteria, batch_sd_of(before)))

@@ -53,7 +53,7 @@ from sandbot_model.discovery.verdict import (
     selection_penalty,
     sound,
 )
-from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.fit import Fit, fitted_at, refitted
 from sandbot_model.fitting.global_minimum import far_above, solve_from, solve_near, solve_with_nuisances
 from sandbot_model.fitting.profile import lowest_along
 
@@ -152,8 +152,7 @@ def calibrated(fit: Fit, criteria: Criteria) -> Fit | None:
     no lack of fit: the base model is then adequate to ``discover``. None where they do not, or are not needed."""
     if leaves_nothing(fit, criteria):
         return None
-    own = nuisances_for(fit, criteria)
-    found = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
+    found = refitted(fit, nuisances_for(fit, criteria))
     return found if leaves_nothing(found, criteria) and _within_priors(found, criteria) else None
 
 
@@ -419,13 +418,16 @@ def allowed_for(fit: Fit, criteria: Criteria) -> list[str]:
     return _batch_terms_in_words(fit, batch_sd_of(fit), criteria) + significant(fit)
 
 
+def in_words(fit: Fit, criteria: Criteria) -> str:
+    """All that a fit with nuisances allows for."""
+    return " and ".join(allowed_for(fit, criteria)) or "a drift that these data can't show"
+
+
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, criteria: Criteria) -> Verdict:
     """The verdict with the nuisances that it assumes, and what it would be without them."""
-    words = allowed_for(fit, criteria)
     sets = either(plain.alternatives or (plain.effects,))
     named = f"{plain.status}: {sets}" if sets else plain.status
-    taken = " and ".join(words) or "a drift that these data can't show"
-    because = f"{verdict.because}, allowing for {taken}"
+    because = f"{verdict.because}, allowing for {in_words(fit, criteria)}"
     if plain.status != verdict.status or plain.effects != verdict.effects:
         because = f"{because}; without that the verdict would be {named}"
     return replace(verdict, because=because)

@@ -20,7 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells
+from sandbot_model.data.conditions import Cells, level_name
 from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
@@ -247,11 +247,7 @@ def _because(base: Fit, best: Fit) -> str:
 def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> str:
     """One clause: the best other set of as many effects, those ``tried`` under other conventions included, and all that
     can look the same; empty if there is none."""
-    others, under_others = (
-        [fit for fit in some if fit.effects != best.effects and len(fit.effects) == len(best.effects)]
-        for some in (fits.values(), tried)
-    )
-    ranked = sorted([*others, *filter(sound, under_others)], key=lambda fit: fit.bic)
+    ranked = _others_of_its_size(fits, best, tried)
     second = next(filter(sound, ranked), None)
     clauses = [f"the next best, {_in_full(second)}, has ΔBIC {second.bic - best.bic:.0f}"] if second else []
     if second and second.variants:
@@ -260,15 +256,22 @@ def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criter
         # Excluded for its parameters, not for its fit: the reader may judge them differently.
         but = f"but with {doubtful_parameters(ranked[0])[0]} at or beyond its bound"
         clauses.append(f"({_name(ranked[0].effects)} {ranked[0].bic - best.bic:.0f}, {but})")
-    alike = ["it" if fit is second else _in_full(fit) for fit in look_alikes(ranked, best, criteria)]
+    alike = ["it" if fit is second else _in_full(fit) for fit in look_alikes(fits, best, tried, criteria)]
     same = f"{' and '.join(alike)} can look the same" if alike else ""
     return "; ".join(filter(None, (" ".join(clauses), same)))
 
 
-def look_alikes(others: Iterable[Fit], best: Fit, criteria: Criteria = DEFAULT) -> list[Fit]:
-    """Those of other sets that pass and do not fit clearly worse."""
+def look_alikes(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> list[Fit]:
+    """Those of the same sets as in ``next_best`` that pass and do not fit clearly worse, in order of BIC."""
     most = best.bic + criteria.clearly * overdispersion(best)
-    return [fit for fit in others if fit.bic < most and passes(fit, criteria)]
+    return [fit for fit in _others_of_its_size(fits, best, tried) if fit.bic < most and passes(fit, criteria)]
+
+
+def _others_of_its_size(fits: Sets, best: Fit, tried: Iterable[Fit]) -> list[Fit]:
+    """The other sets of as many effects and, of those ``tried``, the sound ones, in order of BIC."""
+    some = [*fits.values(), *filter(sound, tried)]
+    others = (fit for fit in some if fit.effects != best.effects and len(fit.effects) == len(best.effects))
+    return sorted(others, key=lambda fit: fit.bic)
 
 
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
@@ -313,7 +316,8 @@ def _where_it_fails(fit: Fit) -> str:
         worst = fit.fails[0]
         where = (
             f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at "
-            f"φ {_phi(fit, worst.cell)}, ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
+            f"φ {level_name(fit.cells, worst.cell)}, ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard "
+            "errors"
         )
     if tests := [test for test in stage_tests(fit) if test.missed]:
         worst_stage = min(tests, key=lambda test: test.p)
@@ -339,13 +343,9 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
         gained, needed = _told_apart(gain.sum(), threshold)
         return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
-    where = f"φ {_phi(fit, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s" if cell < len(fit.cells.phi) else "one level"
+    is_cell = cell < len(fit.cells.phi)
+    where = f"φ {level_name(fit.cells, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s" if is_cell else "one level"
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
-
-
-def _phi(fit: Fit, cell: int) -> str:
-    """The φ of a cell's level, by which tables and figures name the cell."""
-    return f"{fit.cells.level_phi[fit.cells.level[cell]]:.3f}"
 
 
 def _told_apart(first: float, second: float) -> tuple[str, str]:
@@ -362,8 +362,12 @@ def _name(effects: tuple[str, ...]) -> str:
 
 
 def _in_full(fit: Fit) -> str:
-    """A set and the conventions in it that are not the catalogue's."""
-    return " + ".join(f"{name} ({fit.variants[name]})" if name in fit.variants else name for name in fit.effects)
+    return in_full(fit.effects, fit.variants)
+
+
+def in_full(effects: Iterable[str], variants: Mapping[str, str]) -> str:
+    """A set, and the conventions in it that are not the catalogue's: ``leg_slip (the peak spared) + cohesion``."""
+    return " + ".join(f"{name} ({variants[name]})" if name in variants else name for name in effects)
 
 
 def either(sets: Iterable[tuple[str, ...]]) -> str:

@@ -12,7 +12,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fitted import Fitted, state_at
-from sandbot_model.fitting.global_minimum import Point, WarmStart, solve
+from sandbot_model.fitting.global_minimum import Point, WarmStart, solve, solve_near
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
@@ -216,6 +216,12 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     """
     check_finite(model, cells)
     return fitted_at(model, cells, solve((model, cells, near)))
+
+
+def refitted(fit: Fit, nuisances: Nuisances) -> Fit:
+    """The same model fitted with nuisances, from where it is."""
+    point = solve_near((fit.model, fit.cells, (fit.warm_start,), nuisances))
+    return fitted_at(fit.model, fit.cells, point, nuisances)
 
 
 def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:

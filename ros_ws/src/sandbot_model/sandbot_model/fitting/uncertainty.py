@@ -18,31 +18,26 @@ def standard_errors(jacobian: Array) -> tuple[Array, Array]:
     """Standard errors and covariance of all unknowns: NaN for those that the data do not determine, ∞ for those that
     they determine only together with others."""
     normal = jacobian.T @ jacobian
-    covariance = covariance_of(normal)
-    stderr = np.where(_only_together(normal), np.inf, np.sqrt(np.diag(covariance)))
+    covariance, only_together = _inverse(normal)
+    stderr = np.where(only_together, np.inf, np.sqrt(np.diag(covariance)))
     return np.where(np.diag(normal) < DETERMINED, np.nan, stderr), covariance
 
 
 def covariance_of(normal: Array) -> Array:
     """The inverse of normal equations; 0 for what the data do not determine: unknowns, or combinations of them."""
-    size, curvature, axes = _principal_axes(normal)
+    return _inverse(normal)[0]
+
+
+def _inverse(normal: Array) -> tuple[Array, Bool]:
+    """The inverse as in ``covariance_of``, and the unknowns ``(n,)`` that change along a combination which the data do
+    not determine."""
+    own = np.diag(normal)
+    # Makes an unknown's own curvature 1 whatever its unit.
+    size = np.sqrt(np.where(own < DETERMINED, np.inf, own))
+    curvature, axes = np.linalg.eigh(normal / np.outer(size, size))
     known = curvature > ACCURACY**2
     steps = axes[:, known] / np.sqrt(curvature[known]) / size[:, None]
-    return np.asarray(steps @ steps.T)
-
-
-def _only_together(normal: Array) -> Bool:
-    """Unknowns ``(n,)`` that change along a combination which the data do not determine."""
-    _, curvature, axes = _principal_axes(normal)
-    return np.asarray(np.linalg.norm(axes[:, curvature <= ACCURACY**2], axis=1) > ACCURACY)
-
-
-def _principal_axes(normal: Array) -> tuple[Array, Array, Array]:
-    """Curvatures ``(n,)`` of the deviance along axes, the columns ``(n, n)``, and the ``size (n,)`` that makes an
-    unknown's own curvature 1 whatever its unit; ∞ where it has none."""
-    own = np.diag(normal)
-    size = np.sqrt(np.where(own < DETERMINED, np.inf, own))
-    return size, *np.linalg.eigh(normal / np.outer(size, size))
+    return steps @ steps.T, np.linalg.norm(axes[:, ~known], axis=1) > ACCURACY
 
 
 def principal_steps(covariance: Array) -> Array:

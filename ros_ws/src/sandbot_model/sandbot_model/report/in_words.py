@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from sandbot_common.robot import Robot
+from sandbot_model.data.conditions import level_name
 from sandbot_model.discovery.discover import INCOMPLETE, Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
@@ -117,7 +118,8 @@ def no_trial(found: Discovery) -> str:
     if found.verdict.status not in INCOMPLETE:
         return "no trial is proposed: none is needed, or none within reach would help"
     fails = next((fit.fails for fit in (*found.fits[:1], found.fit) if fit.fails), ())
-    where = list(dict.fromkeys(f"φ {fail.phi:.3f}, ω {fail.omega_rad_s:.3g} rad/s" for fail in fails))[:MOST_REPEATED]
+    missed = [f"φ {level_name(found.cells, fail.cell)}, ω {fail.omega_rad_s:.3g} rad/s" for fail in fails]
+    where = [*dict.fromkeys(missed)][:MOST_REPEATED]
     again = f"; repeat on another day what is missed most ({'; '.join(where)})" if where else ""
     lift = "" if "lift" in found.cells.observables else "; measure the lift, which names most effects"
     return f"no trial is proposed: trials decide between explanations, and none holds{again}{lift}"

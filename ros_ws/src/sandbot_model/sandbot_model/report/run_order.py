@@ -1,10 +1,11 @@
 """Residuals of single trials against run order: they reveal a bed that drifts or jumps, in any order of φ and ω."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from sandbot_common.arrays import Bools, Floats, Ints
+from sandbot_common.arrays import Floats, Ints
 from sandbot_model.data.conditions import cell_of
 from sandbot_model.data.quality import trend
 from sandbot_model.fitting.fit import Fit
@@ -30,18 +31,19 @@ def residuals(trials: Trials, fit: Fit) -> tuple[Floats, Floats, Ints]:
     Only trials in a cell and with known run order are returned; NaN for an observable that the cell's fit does not use.
     """
     cells, order = fit.cells, np.asarray(trials.run_order, dtype=float)
-    used = _used(trials, fit)
-    cell = cell_of(trials, cells)[used]
+    cell = _cells(trials, fit)
+    used = cell >= 0
+    cell = cell[used]
     values = np.stack([np.asarray(getattr(trials, o.column), dtype=float)[used] for o in Observable], axis=1)
     values[~np.isfinite(cells.mean[cell])] = np.nan
     return order[used], (values - fit.predicted[cell]) / cells.noise, cell
 
 
-def _used(trials: Trials, fit: Fit) -> Bools:
-    """Whether a trial is in a cell and its run order known, (n,)."""
+def _cells(trials: Trials, fit: Fit) -> Ints:
+    """The cell of each trial whose run order is known, (n,); -1 if it is in none, or its order unknown."""
     known = np.isfinite(np.asarray(trials.run_order, dtype=float))
     fine = np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
-    return np.asarray((cell_of(trials, fit.cells) >= 0) & known & fine)
+    return np.where(known & fine, cell_of(trials, fit.cells), -1)
 
 
 def drawable(trials: Trials, fit: Fit) -> bool:
@@ -83,10 +85,9 @@ def _end(z: Floats) -> float:
     return max(END_SD, float(np.nanquantile(np.abs(z), INSIDE)))
 
 
-def _beyond(trials: Trials, fit: Fit) -> str:
-    """The trials beyond the axis, the furthest first; empty without any."""
-    _, z, _ = residuals(trials, fit)
-    end, names = _end(z), trials.trial_id[_used(trials, fit)]
+def _beyond(z: Floats, names: Sequence[str]) -> str:
+    """The trials of these ``names`` beyond the axis, the furthest first; empty without any."""
+    end = _end(z)
     found = np.argwhere(np.abs(z) > end)
     found = found[np.argsort(-np.abs(z[tuple(found.T)]))]
     named = [f"{names[i]} ({LABELS[column]} {z[i, column]:+.0f})".replace("-", "−") for i, column in found[:MOST_NAMED]]
@@ -111,11 +112,11 @@ def _edge(order: Floats, z: Floats, end: float, theme: Theme) -> list[dict[str, 
 
 def caption(trials: Trials, fit: Fit) -> str:
     """Caption: the trend of each observable and its p-value, and the trials beyond the axis."""
-    return _trends(trials, fit) + _beyond(trials, fit)
-
-
-def _trends(trials: Trials, fit: Fit) -> str:
     order, z, cell = residuals(trials, fit)
+    return _trends(order, z, cell) + _beyond(z, trials.trial_id[_cells(trials, fit) >= 0].tolist())
+
+
+def _trends(order: Floats, z: Floats, cell: Ints) -> str:
     trends = []
     for observable in Observable:
         change, p = trend(z[:, observable], order, cell)

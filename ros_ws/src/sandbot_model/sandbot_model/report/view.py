@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sandbot_common.arrays import Floats
 from sandbot_model.data import regime
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, same_within
-from sandbot_model.data.conditions import Cells
+from sandbot_model.data.conditions import Cells, level_name
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import NAMES, Observable
 
@@ -119,7 +119,7 @@ def bands(cells: Cells) -> tuple[Band, ...]:
 
 def band_name(cells: Cells, cell: int) -> str:
     """The φ of the cell's level, as in labels of figures, and its gait where there are several."""
-    phi = f"{cells.level_phi[cells.level[cell]]:.3f}"
+    phi = level_name(cells, cell)
     return f"{phi} {cells.gait[cell]}" if len(set(cells.gait)) > 1 else phi
 
 

@@ -8,7 +8,7 @@ from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.sharing import allowed_for, calibrated
+from sandbot_model.discovery.sharing import calibrated, in_words
 from sandbot_model.discovery.verdict import leaves_nothing, only_with, p_in_words, p_of_test
 from sandbot_model.fitting.fit import Fit, scored
 from sandbot_model.fitting.goodness import cells_missed
@@ -83,8 +83,7 @@ def _fails(fit: Fit) -> str:
     allowing = calibrated(fit, DEFAULT)
     if allowing is None:
         return fails
-    words = " and ".join(allowed_for(allowing, DEFAULT)) or "a drift that these data can't show"
-    return f"{fails}; it holds {p_in_words(allowing)} if, as in discover, one allows for {words}"
+    return f"{fails}; it holds {p_in_words(allowing)} if, as in discover, one allows for {in_words(allowing, DEFAULT)}"
 
 
 def _effect(name: str, fit: Fit) -> list[str]:

@@ -22,7 +22,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
 from sandbot_common.typed import check_types
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.penetrometer import read_readings
+from sandbot_model.data.penetrometer import Readings, read_readings
 from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
@@ -157,7 +157,7 @@ def discover(
     effects = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
     notes = checked(trials, "data")
-    readings = None if penetrometer is None else read_readings(Path(penetrometer))
+    readings = _readings(penetrometer)
     cells = cells_of(trials, readings)
     with Processes(workers).map() as fit_all:
         found = discovering.discover(
@@ -192,8 +192,7 @@ def compare(
     trials = _trials(data, robot)
     notes = checked(trials, "data")
     names = [*effects, *(name for name in map(name_of, formulas) if name not in effects)]
-    readings = None if penetrometer is None else read_readings(Path(penetrometer))
-    cells = cells_of(trials, readings)
+    cells = cells_of(trials, _readings(penetrometer))
     found = comparing.compare(cells, catalogue, names, base=model)
     return Compared(found, trials, (*assumed(trials, cells), *notes, *cells.notes))
 
@@ -224,3 +223,7 @@ def _read(data: "Data") -> Trials:
     if not (isinstance(data, str | Path) or several):
         raise InputError(f"{type(data).__name__}; a path, several, a DataFrame or Trials is needed")
     return read(data)
+
+
+def _readings(penetrometer: str | Path | None) -> Readings | None:
+    return None if penetrometer is None else read_readings(Path(penetrometer))

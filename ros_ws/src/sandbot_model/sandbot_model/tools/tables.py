@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sandbot_common.terminal import filled
+from sandbot_model.data.conditions import level_name
 from sandbot_model.data.regime import walks
 from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.discover import Discovery
@@ -112,7 +113,7 @@ def fails(fit: Fit, most: int) -> str:
     for fail in fit.fails[:most]:
         sign = "+" if fail.residual > 0.0 else ""
         residual = f"{sign}{to_error(CM * fail.residual, CM * fail.stderr)} {Observable[fail.observable].readers_unit}"
-        phi = f"{fit.cells.level_phi[fit.cells.level[fail.cell]]:.3f}"
+        phi = level_name(fit.cells, fail.cell)
         rows.append([fail.observable, phi, f"{fail.omega_rad_s:.4g}", residual, f"{fail.z:+.1f}"])
     return table(rows) + _more(len(fit.fails) - most)
 

@@ -229,10 +229,8 @@ def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Rep
         return report
     cache = Cache.read(folder)
     keys = {bag: cache.key(bag) for bag in bags_in(folder)}
-    cache.tabled, cache.written = (
-        {keys[bag] for bag in report.bags.values()},
-        "" if report.edited else content_hash(path),
-    )
+    cache.tabled = {keys[bag] for bag in report.bags.values()}
+    cache.written = "" if report.edited else content_hash(path)
     cache.write(keys)
     return report
 
