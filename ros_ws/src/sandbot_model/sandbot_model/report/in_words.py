@@ -106,7 +106,7 @@ def _next(found: Discovery) -> str:
     if found.residual is not None:
         return "next: try the formula given under What the catalogue does not explain"
     controls = (found.fit.model.catalogue[name].control for name in found.verdict.effects)
-    if told := " and ".join(filter(None, controls)):
+    if told := "; ".join(filter(None, controls)):
         return f"to confirm it: {told}"
     return "nothing is proposed to be measured next"
 
