@@ -47,6 +47,7 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
+    each = weights.shape[3] > 1
     predicted, residual = np.zeros((2, rows, cells, OBSERVABLES))
     deviance, (wider, whitens) = np.empty((rows, cells)), np.empty((2, rows, cells, OBSERVABLES, OBSERVABLES))
     for row in range(rows):
@@ -54,7 +55,7 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
             weight, walks, mixed = weights[row, cell], 0, False
             for node in range(count):
                 for i in range(OBSERVABLES):
-                    predicted[row, cell, i] += weight[node, i % weight.shape[1]] * values[i, row, cell, node]
+                    predicted[row, cell, i] += weight[node, i if each else 0] * values[i, row, cell, node]
                 walks += walking[row, cell, node]
                 mixed |= between[row, cell, node] != plain[node]
             for i in range(OBSERVABLES):
@@ -192,7 +193,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     ``seen (6, parameters + 3, rows, cells, nodes)`` are the observables and margins with each parameter, ln k and the
     depth moved in turn by ``steps (parameters + 2, rows)``, and last with nothing moved.
     """
-    count, (rows, cells, nodes) = len(steps) - 1, walking.shape
+    count, (rows, cells, nodes), each = len(steps) - 1, walking.shape, weights.shape[3] > 1
     found = np.zeros((rows, cells, OBSERVABLES, count))
     slope, by_depth, stiff, sinks = np.empty((count, OBSERVABLES)), np.empty(OBSERVABLES), np.empty(2), np.empty(2)
     for row in range(rows):
@@ -215,7 +216,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
                     for i in range(OBSERVABLES):
                         direct = (values[i] - unmoved[i]) / steps[p, row]
                         by_sinking = by_depth[i] * sinks[1 if i == FIRST_STEP else 0]
-                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_sinking)
+                        slope[p, i] += weight[node, i if each else 0] * (direct + by_sinking)
             _whitened_slopes(slope, measured[cell], whiten[row, cell], found[row, cell])
     return found
 

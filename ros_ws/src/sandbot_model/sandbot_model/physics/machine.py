@@ -77,14 +77,6 @@ def _of_two(operation, x, y):
         return math.hypot(x, y)
     if operation == ARCTAN2:
         return math.atan2(x, y)
-    if operation == LESS:
-        return 1.0 if x < y else 0.0
-    if operation == LESS_EQUAL:
-        return 1.0 if x <= y else 0.0
-    if operation == GREATER:
-        return 1.0 if x > y else 0.0
-    if operation == GREATER_EQUAL:
-        return 1.0 if x >= y else 0.0
     if operation == EQUAL:
         return 1.0 if x == y else 0.0
     if operation == NOT_EQUAL:
@@ -136,7 +128,21 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
                 reg[out, i] = math.sqrt(reg[a, i]) if reg[a, i] >= 0.0 else np.nan
         elif operation == WHERE:
             for i in range(points):
-                reg[out, i] = reg[b, i] if reg[a, i] != 0.0 else reg[c, i]
+                # Both are read first: the compiler makes no vector of what it reads on a condition.
+                there, elsewhere = reg[b, i], reg[c, i]
+                reg[out, i] = there if reg[a, i] != 0.0 else elsewhere
+        elif operation == LESS:
+            for i in range(points):
+                reg[out, i] = 1.0 if reg[a, i] < reg[b, i] else 0.0
+        elif operation == LESS_EQUAL:
+            for i in range(points):
+                reg[out, i] = 1.0 if reg[a, i] <= reg[b, i] else 0.0
+        elif operation == GREATER:
+            for i in range(points):
+                reg[out, i] = 1.0 if reg[a, i] > reg[b, i] else 0.0
+        elif operation == GREATER_EQUAL:
+            for i in range(points):
+                reg[out, i] = 1.0 if reg[a, i] >= reg[b, i] else 0.0
         elif operation == NEGATIVE:
             for i in range(points):
                 reg[out, i] = -reg[a, i]
