@@ -26,7 +26,8 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, Trials, from_rows
 from variants import ALIKE

@@ -31,7 +31,8 @@ from hidden import NULL, OMEGA, PHI, WORLDS, Hidden
 from sandbot_common.arrays import Bools
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of, noise_floor
-from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of

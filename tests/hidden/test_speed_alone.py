@@ -8,7 +8,8 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery import discover as rooms
+from sandbot_model.discovery import judgement
+from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.smooth import smooth_gain
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, from_rows
@@ -27,7 +28,7 @@ def cells(name, seed):
 
 def verdict(name, seed, only=EFFECTS):
     effects = {one: effect for one, effect in EFFECTS.items() if one in only}
-    return rooms.discover(cells(name, seed), effects, max_effects=1).verdict
+    return discover(cells(name, seed), effects, max_effects=1).verdict
 
 
 def test_a_ground_outside_the_catalogue_is_not_named():
@@ -47,7 +48,7 @@ def test_nor_where_no_other_effect_is_known():
 
 @pytest.mark.whole
 def test_it_would_be_named_if_nothing_smooth_were_thought_of(monkeypatch):
-    monkeypatch.setattr(rooms, "refused_from_one_observable", lambda verdict, fits: None)
+    monkeypatch.setattr(judgement, "refused_from_one_observable", lambda verdict, fits: None)
     assert verdict(OUTSIDE, 2, ("dilation",)).effects == ("dilation",)
 
 
@@ -63,7 +64,7 @@ def test_nothing_is_named_that_needs_a_bed_that_scatters_from_condition_to_condi
     disturbed = World(effects={"disturbed_ground": {"k_l_n_per_m": 175.0, "s_c": 0.95}}, week=week)
     rows = direct_trials(disturbed, hidden.PHI, hidden.OMEGA, "UNIFORM", 3, 1, None, "randomised", "condition")
     seen = cells_of(from_rows([Row(**{**row, **OTHERS, "batch": "", "speed_sd_m_s": np.nan}) for row in rows]))
-    found = rooms.discover(seen, effects, max_effects=1).verdict
+    found = discover(seen, effects, max_effects=1).verdict
     assert (found.status, found.effects) == ("unexplained", ())
     assert "would repair it, but only on a bed that scatters from condition to condition" in found.because
 
@@ -71,7 +72,7 @@ def test_nothing_is_named_that_needs_a_bed_that_scatters_from_condition_to_condi
 @pytest.mark.whole
 def test_something_smooth_gains_where_there_is_something_and_little_where_there_is_nothing():
     there, nothing = (
-        smooth_gain(rooms.discover(cells(name, 2), EFFECTS, max_effects=1).steps[0], Observable.speed)
+        smooth_gain(discover(cells(name, 2), EFFECTS, max_effects=1).steps[0], Observable.speed)
         for name in (OUTSIDE, "null")
     )
     assert there > 30

@@ -10,7 +10,7 @@ import pytest
 
 from sandbot_common.crew import Processes
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery import discover as discovering
+from sandbot_model.discovery import judgement, remarks
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.next_trials import NextTrial
@@ -93,7 +93,7 @@ def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_ra
     """By a derivative Δt of 1.33 ± 0.1 s may be 1.2 s; by what the fit does beside switches it is known to 0.015 s."""
     narrow = copy.copy(FEW["stance_overlap"])
     narrow.parameters = (dataclasses.replace(narrow.parameters[0], low=0.13, high=0.5),)
-    as_before = discovering._with_errors
+    as_before = judgement._with_errors
 
     def with_errors(named, criteria):
         lower, reported = as_before(named, criteria)
@@ -102,7 +102,7 @@ def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_ra
 
     cells = cells_of(drawn(("stance_overlap",), seed=6))
     assert discover(cells, FEW, max_effects=1).verdict.effects == ("stance_overlap",)
-    monkeypatch.setattr(discovering, "_with_errors", with_errors)
+    monkeypatch.setattr(judgement, "_with_errors", with_errors)
     found = discover(cells, FEW, max_effects=1).verdict
     assert found.status == "unexplained"
     assert "only with stance_overlap.eta = 0.09905 (plausible: 0.13 to 0.5)" in found.because
@@ -188,7 +188,7 @@ def test_controls_are_asked_for_where_no_trial_distinguishes_what_is_left(sets, 
     effects = {**FEW, "boost": SimpleNamespace(control="")}
     search, verdict = SimpleNamespace(effects=effects), Verdict("ambiguous", sets[0], sets, "")
     trials = [NextTrial(0.6, 9.0, "speed", ("a", "b"), gap, 2)]
-    said = discovering._most_discriminating(trials, discovering._controls(search, verdict), DEFAULT)
+    said = remarks.most_discriminating(trials, remarks.controls_of(search, verdict), DEFAULT)
     if controls is None:
         assert said.startswith("most telling: speed at φ 0.600")
     elif controls:

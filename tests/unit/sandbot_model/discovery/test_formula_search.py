@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_model.discovery import discover, formula_search
+from sandbot_model.discovery import discover, formula_search, judgement
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.formula_search import outdone_by_a_formula, repairs_something
 from sandbot_model.discovery.sharing import Shared
@@ -98,13 +98,13 @@ def test_whatever_claims_several_effects_is_held_against_a_formula(held, status,
 def held(monkeypatch):
     """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
-    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_, **__: (refused, "formula"))
-    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, _: search.fits)
-    monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
+    monkeypatch.setattr(judgement, "outdone_by_a_formula", lambda *_, **__: (refused, "formula"))
+    monkeypatch.setattr(judgement, "refitted_as_claimed", lambda search, _: search.fits)
+    monkeypatch.setattr(judgement, "judge", lambda *_: CLAIM)
 
     def held(claim, fits):
         search = SimpleNamespace(fits={(): fit(bic=300.0)} | fits, criteria=DEFAULT)
-        imitated = discover._refused_for_a_formula(search, Shared(claim, search.fits, search.fits[()]))
+        imitated = judgement._refused_for_a_formula(search, Shared(claim, search.fits, search.fits[()]))
         return imitated is not None and imitated.verdict is refused and imitated.formula == "formula"
 
     return held
@@ -114,9 +114,9 @@ def held(monkeypatch):
     ("outdone", "said"), [(None, "partial"), ((Verdict("unexplained", (), (), ""), "formula"), None)]
 )
 def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monkeypatch, outdone, said):
-    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: outdone)
+    monkeypatch.setattr(judgement, "outdone_by_a_formula", lambda *_: outdone)
     search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})
-    found = discover._unless_a_formula(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
+    found = judgement._unless_a_formula(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
     assert (found and found[0].verdict.status) == said
 
 

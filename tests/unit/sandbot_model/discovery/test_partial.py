@@ -8,8 +8,7 @@ import pytest
 
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery import discover as discovery
-from sandbot_model.discovery import partial
+from sandbot_model.discovery import judgement, partial
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range, mostly_repaired, without
@@ -98,7 +97,7 @@ def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with
     cells = cells_of(drawn(formulas=(STRONG,), seed=5))
     found = discover(cells, EFFECTS, max_effects=1)
     assert found.headline == "identified: inertial_drag (by another power of speed)"
-    monkeypatch.setattr(discovery, "try_single_effects", lambda _search: False)
+    monkeypatch.setattr(judgement, "try_single_effects", lambda _search: False)
     found = discover(cells, EFFECTS, max_effects=1)
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("inertial_drag",))
     assert "inertial_drag.lambda_1 = " in found.verdict.because
@@ -149,7 +148,7 @@ def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_o
     found = discover(cells, effects, max_effects=1)
     assert found.verdict.status == "unexplained"
     assert found.residual.leaves_nothing
-    monkeypatch.setattr(discovery, "outdone_by_a_formula", lambda *_: None)
+    monkeypatch.setattr(judgement, "outdone_by_a_formula", lambda *_: None)
     assert discover(cells, effects, max_effects=1).verdict.status == "unexplained"
     monkeypatch.setattr(partial, "_is_clearly_beaten", lambda *_: False)
     found = discover(cells, effects, max_effects=1)

@@ -16,7 +16,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.discovery.verdict import Verdict, claim_threshold

@@ -18,8 +18,9 @@ from sandbot_model.design.reach import gains_over
 from sandbot_model.design.reason import because
 from sandbot_model.design.start import Condition
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.power import Z
 from sandbot_model.discovery.verdict import sound
 from sandbot_model.fitting.fit import Fit

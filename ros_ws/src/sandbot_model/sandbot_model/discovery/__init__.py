@@ -1,6 +1,7 @@
 """Which effects are missing: comparison, search over the catalogue, verdict, next trials.
 
-discover         from cells to a verdict: the main flow
+discover         from cells to what is reported: the main flow; found: its result
+judgement        from the search to a verdict; remarks: what is said beside it
 effect_search    no effect, singles, pairs and triples, each fitted to its global minimum; candidates: single effects
 compare          a ladder of named effects; ladder: the same as a table; reproduce: the ladder of a saved selection
 choice           what the user of the explorer selected

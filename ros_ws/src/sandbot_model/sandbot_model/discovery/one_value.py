@@ -17,6 +17,8 @@ LEVELS = 7
 """Values tried in a range."""
 UNTESTED = {"ω": "Δt", "φ": "what depends on φ"}
 """What a single value can't test: at one ω the k of each φ makes up for any Δt."""
+WIDENED = ("adequate", "ambiguous")
+"""Statuses of a verdict after which such trials are proposed."""
 SEPARATES = {"ω": ("Δt", "k"), "φ": ("what depends on φ", "what does not")}
 
 

@@ -20,7 +20,8 @@ from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection, name_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.reproduce import held_by_hand
 from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.errors import with_sampled_errors

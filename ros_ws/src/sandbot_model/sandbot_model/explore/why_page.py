@@ -9,7 +9,7 @@ from flask import Flask, Response
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.requested import held_values_note, requested_selection
 from sandbot_model.report.argument import argument_page

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import level_name
-from sandbot_model.discovery.discover import INCOMPLETE, Discovery
+from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.verdict import INCOMPLETE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
 from sandbot_model.physics.effect import Parameter

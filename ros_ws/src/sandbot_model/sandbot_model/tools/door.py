@@ -30,7 +30,7 @@ from sandbot_model.discovery.assumed import assumed
 from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
 from sandbot_model.discovery.verdict import Verdict

@@ -1,0 +1,109 @@
+"""What is said beside a verdict: what comes next, calibration errors, hidden effects, the most telling trial."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+
+from sandbot_model.discovery import one_value
+from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
+from sandbot_model.discovery.candidates import nearly_claimed
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.nuisances_in_words import confounded_drift
+from sandbot_model.discovery.plausibility import implausible_k
+from sandbot_model.discovery.untested import plainly_missed
+from sandbot_model.discovery.verdict import (
+    Verdict,
+    next_best,
+)
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.effect import Effect
+
+
+def told_from_others(search: EffectSearch, verdict: Verdict, others: Sequence[Fit], family: Sequence[Fit]) -> Verdict:
+    """The verdict with what comes next, ``others`` under other conventions included, and what its errors cover."""
+    because = [verdict.because]
+    if verdict.status == "identified":
+        because.append(next_best(search.fits, search.fits[verdict.effects], others, search.criteria))
+    if family:
+        because.append("standard errors cover its conventions that explain as much")
+    return replace(verdict, because="; ".join(filter(None, because)))
+
+
+def remarked(
+    search: EffectSearch,
+    verdict: Verdict,
+    named: Fit,
+    hidden: Sequence[str],
+    trials: Sequence[NextTrial],
+    out_of_reach: Sequence[str],
+    controls: Mapping[str, str],
+) -> Verdict:
+    """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
+    remarks = [implausible_k(search.fits[()])]
+    if verdict.status == "adequate":
+        remarks.append(nearly_claimed(search.fits, search.criteria))
+    if hidden:
+        remarks.append(not_excluded(hidden, trials, out_of_reach, search))
+    if len(verdict.alternatives) > 1:
+        remarks.append(most_discriminating(trials, controls, search.criteria))
+    if verdict.status in one_value.WIDENED:
+        remarks.append(one_value.in_words(search.cells))
+    if verdict.status == "identified":
+        remarks.append(rival_calibration_error(search, named))
+    # Where the robot is in doubt this search had no effects, and calibration is not the question.
+    if verdict.status == "unexplained" and len(search.fits) > 1:
+        remarks.append(sufficient_calibration_error(search))
+    if verdict.status in ("identified", "partial"):
+        remarks += [_mistaken(effect) for effect in named.model.effects if effect.mistaken_for]
+    if verdict.status == "untested":
+        remarks.append(plainly_missed(search.fits[()]))
+    elif len(search.fits) > 1:
+        remarks.append(confounded_drift(search.cells))
+    return verdict.with_remarks(*remarks)
+
+
+def controls_of(search: EffectSearch, verdict: Verdict) -> dict[str, str]:
+    """The control of each effect in which the alternatives differ, where there is one."""
+    sets = verdict.alternatives
+    differing = [name for name in dict.fromkeys(chain(*sets)) if not all(name in names for names in sets)]
+    return {name: control for name in differing if (control := search.effects[name].control)}
+
+
+def worthwhile(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:
+    """The trials that are worthwhile."""
+    return [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
+
+
+def _mistaken(effect: Effect) -> str:
+    """What no trial distinguishes from an effect, and the control experiment that does."""
+    control = f"; the control of {effect.identifier} tells ({effect.control})" if effect.control else ""
+    return f"{effect.mistaken_for} would look the same{control}"
+
+
+def most_discriminating(trials: Sequence[NextTrial], controls: Mapping[str, str], criteria: Criteria) -> str:
+    """The trial that best discriminates between the alternatives, or their controls if none does."""
+    telling = worthwhile(trials, criteria)
+    if not telling:
+        listed = ", ".join(f"{name} ({control})" for name, control in controls.items())
+        of_another_kind = f"; control experiments do: {listed}" if listed else ": another kind is needed"
+        return f"no trial within this range of φ and ω tells them apart by these observables{of_another_kind}"
+    best = telling[0]
+    gap = f"{best.expected_gap_sd:.1f} standard deviations of one {best.kind}"
+    return f"most telling: {best.observable} at {best.where} ({gap})"
+
+
+def not_excluded(
+    hidden: Sequence[str], trials: Sequence[NextTrial], out_of_reach: Sequence[str], search: EffectSearch
+) -> str:
+    """The effects that these data cannot exclude, the trials that would reveal them, and those that none would."""
+    shown = {trial.separates[1]: trial for trial in reversed(worthwhile(trials, search.criteria))}
+    how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
+    remarks = [f"what would show {how}"] if how else []
+    if out_of_reach:
+        these = one_value.where(search.cells) or "like these"
+        remarks.append(f"not within reach of {search.cells.trials} more trials {these}: {', '.join(out_of_reach)}")
+    return f"at their usual strength these would not show in the data: {', '.join(hidden)}" + (
+        f" ({'; '.join(remarks)})" if remarks else ""
+    )
