@@ -8,9 +8,11 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.nuisances_about import nuisances_for
+from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     best_state,
+    nearby_state,
     solve,
     solve_first,
     solve_from,
@@ -19,6 +21,7 @@ from sandbot_model.fitting.global_minimum import (
     solve_near,
     worth_jumps,
 )
+from sandbot_model.fitting.levenberg_marquardt import descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.starts import profile
 from sandbot_model.physics.averaging import slope_of
@@ -88,3 +91,18 @@ def test_where_data_do_not_mind_a_parameter_it_stays_in_its_plausible_range(draw
     assert 165.0 <= point.theta[at] <= 185.0
     beside = fitted_at(model, cells, point, nuisances)
     assert beside.deviance < fitted_at(model, cells, replace(point, theta=outside), nuisances).deviance + 1.0
+
+
+@pytest.mark.parametrize(("held", "begun"), [({"stance_overlap.eta": 0.05}, 1), ({}, 4)], ids=["held", "free"])
+def test_a_parameter_that_is_held_needs_no_start_of_its_own(drawn, monkeypatch, held, begun):
+    """Four equal rows would be descended four times; a free one is begun at four values."""
+    cells, rows = cells_of(drawn(("stance_overlap",), seed=3)), []
+    near = fit(model_of("simple", (), EFFECTS), cells).warm_start
+
+    def counted(problem, states, *args, **kwargs):
+        rows.append(len(states.theta))
+        return descend(problem, states, *args, **kwargs)
+
+    monkeypatch.setattr(global_minimum, "descend", counted)
+    nearby_state(Problem(model_of("simple", ("stance_overlap",), EFFECTS, held=held), cells), (near,))
+    assert rows[0] == begun
