@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from itertools import chain
 from types import SimpleNamespace
 
 import numpy as np
@@ -134,12 +135,12 @@ def test_no_limit_is_set_on_a_step_of_the_deviance():
     """One condition that swims beyond 0.06 excludes nothing there: nothing else speaks against 0.15."""
 
     def limit(deviance):
-        side = _Side("b", "b", 1, 0.0, 0.0, np.sqrt(TWO_SIDED), 0.1, 1.0, 0.3, (0.0, 0.0))
+        side = _Side("b", "b", 1, 0.0, 0.0, np.sqrt(TWO_SIDED), 0.1, 1.0, 0.3, None, (0.0, 0.0))
         for tried in range(2 * ROUNDS):
             if tried == ROUNDS:
                 side.pass_the_step()
             if not side.settled:
-                side.look(deviance(side.tried))
+                side.look(SimpleNamespace(deviance=deviance(side.tried), warm_start=None))
         return side.limit
 
     assert limit(lambda b: (b / 0.6) ** 2 + 7.0 * (b > 0.06)) is None
@@ -148,6 +149,22 @@ def test_no_limit_is_set_on_a_step_of_the_deviance():
     for step in (0.0, 1.0):
         found = limit(lambda b, step=step: (b / 0.05) ** 2 + step * (b > 0.06))
         assert TWO_SIDED <= (found / 0.05) ** 2 + step <= ACCEPTED**2 * TWO_SIDED
+
+
+def test_the_next_value_is_fitted_from_where_the_last_fit_ended_as_well(drawn, monkeypatch):
+    """From the named set alone a descent stops at the first condition that would have to walk or swim."""
+    begun, ended, near = [], [], EffectSearch.near
+
+    def recorded(search, models, smaller, nuisances=None, also=()):
+        fits = near(search, models, smaller, nuisances, also)
+        begun.append([start.deviance for starts in also for start in starts])
+        ended.append([fit.warm_start.deviance for fit in fits])
+        return fits
+
+    monkeypatch.setattr(EffectSearch, "near", recorded)
+    found(drawn(seed=1, levels=4))
+    assert sum(map(bool, begun)) > 1
+    assert all(start in {*chain(*ended[:at])} for at, starts in enumerate(begun) for start in starts)
 
 
 def test_a_limit_that_excludes_no_plausible_value_is_none(drawn):
@@ -164,7 +181,8 @@ def test_an_effect_that_has_no_slope_where_it_vanishes_is_tried_farther_out():
     parameter = catalogue()["phi_nonuniformity"].parameters[0]
 
     def sides(value, error):
-        free = SimpleNamespace(parameters={f"phi_nonuniformity.{parameter.name}": (value, error)}, deviance=100.0)
+        parameters = {f"phi_nonuniformity.{parameter.name}": (value, error)}
+        free = SimpleNamespace(parameters=parameters, deviance=100.0, warm_start=None)
         return list(_outwards("phi_nonuniformity", parameter, 100.0, free))
 
     for error in (171.0, np.inf, np.nan):

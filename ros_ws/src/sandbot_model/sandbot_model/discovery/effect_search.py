@@ -135,10 +135,21 @@ class EffectSearch:
         """The model of a set, with some parameters held at given values."""
         return model_of(self.base, names, self.effects, self.cells.robot, held)
 
-    def near(self, models: Sequence[Model], smaller: Fit, nuisances: Nuisances | None = None) -> list[Fit]:
-        """Models fitted from a warm start at the fit of a smaller model, with its nuisances if no others are given."""
+    def near(
+        self,
+        models: Sequence[Model],
+        smaller: Fit,
+        nuisances: Nuisances | None = None,
+        also: Sequence[Sequence[WarmStart]] = (),
+    ) -> list[Fit]:
+        """Models fitted from a warm start at the fit of a smaller model, with its nuisances if no others are given, and
+        from further starts of each (``also``)."""
         shared = smaller.nuisances if nuisances is None else nuisances
-        points = self.fit_all(solve_near, [(model, self.cells, (smaller.warm_start,), shared) for model in models])
+        more = also or [()] * len(models)
+        tasks = [
+            (model, self.cells, (smaller.warm_start, *its), shared) for model, its in zip(models, more, strict=True)
+        ]
+        points = self.fit_all(solve_near, tasks)
         return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
 
     def fit(self, stage: str, sets: Sequence[Names], *, nearby: bool) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.fitting.text import to_error
 from sandbot_model.physics.effect import Parameter
 
@@ -72,8 +73,8 @@ def limits(search: EffectSearch, named: Fit, hidden: Container[str] = ()) -> lis
             for side in sides:
                 side.pass_the_step()
         sought = [side for side in sides if not side.settled]
-        for side, deviance in zip(sought, _held(search, named, sought), strict=True):
-            side.look(deviance)
+        for side, fit in zip(sought, _held(search, named, sought), strict=True):
+            side.look(fit)
     found = []
     for name, parameter in strengths.items():
         ends = {side.sign: side.limit for side in sides if side.name == name}
@@ -99,6 +100,9 @@ class _Side:
     """Distance of the end of the plausible range."""
     usual: float
     """Distance of the usual strength."""
+    beside: WarmStart
+    """Where the last fit ended, from which the next begins as well: a descent from the best fit alone stops at the first
+    condition that would have to walk or swim."""
     inside: tuple[float, float]
     """The farthest distance that is not excluded, and √ of the rise there."""
     outside: tuple[float, float] | None = None
@@ -117,10 +121,10 @@ class _Side:
             return self.inside[0] >= self.room
         return self.outside[1] <= ACCEPTED * self.root_asked
 
-    def look(self, deviance: float) -> None:
-        """Take account of the deviance of the fit at the distance ``tried``."""
-        here = self.tried, math.sqrt(max(deviance - self.deviance, 0.0))
-        self.deviance = min(self.deviance, deviance)
+    def look(self, fit: Fit) -> None:
+        """Take account of the fit at the distance ``tried``."""
+        here = self.tried, math.sqrt(max(fit.deviance - self.deviance, 0.0))
+        self.deviance, self.beside = min(self.deviance, fit.deviance), fit.warm_start
         if here[1] >= self.root_asked:
             self.outside = here
         else:
@@ -173,7 +177,9 @@ def _outwards(name: str, parameter: Parameter, base: float, free: Fit) -> Iterat
         kept, root = max(kept, 0.0), math.sqrt(rise)
         if kept < room and not (one_sided and sign < 0):
             first = min(max(AIMED_AT * root * error, kept + error), room)
-            yield _Side(name, parameter.name, sign, centre, best, root, first, room, usual, (kept, 0.0))
+            yield _Side(
+                name, parameter.name, sign, centre, best, root, first, room, usual, free.warm_start, (kept, 0.0)
+            )
 
 
 def _not_made_to_vanish(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[_Side]:
@@ -183,20 +189,19 @@ def _not_made_to_vanish(search: EffectSearch, named: Fit, sides: Sequence[_Side]
     far = [
         replace(side, tried=distance) for side in able for distance in (side.usual, side.room) if distance > side.tried
     ]
-    deviances = _held(search, named, far)
     vanishing = {
         (side.name, side.sign)
-        for side, deviance in zip(far, deviances, strict=True)
-        if deviance < side.deviance + side.root_asked**2
+        for side, fit in zip(far, _held(search, named, far), strict=True)
+        if fit.deviance < side.deviance + side.root_asked**2
     }
     return [side for side in sides if (side.name, side.sign) not in vanishing]
 
 
-def _held(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[float]:
-    """Deviances of full fits with each parameter held at the distance that is to be tried."""
+def _held(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[Fit]:
+    """Full fits with each parameter held at the distance that is to be tried."""
     models = []
     for side in sides:
         value = side.best_value + side.sign * side.tried
         names = search.extended(named.effects, [side.name])[0]
         models.append(search.model(names, {f"{side.name}.{side.parameter}": value}))
-    return [fit.deviance for fit in search.near(models, named)]
+    return search.near(models, named, also=[(side.beside,) for side in sides])
