@@ -101,8 +101,8 @@ class _Side:
     usual: float
     """Distance of the usual strength."""
     beside: WarmStart
-    """Where the last fit ended, from which the next begins as well: a descent from the best fit alone stops at the first
-    condition that would have to walk or swim."""
+    """Where the last fit ended, from which the next begins as well: a descent from the named set alone stops at the
+    first condition that would have to walk or swim."""
     inside: tuple[float, float]
     """The farthest distance that is not excluded, and √ of the rise there."""
     outside: tuple[float, float] | None = None

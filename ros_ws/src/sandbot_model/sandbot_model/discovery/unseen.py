@@ -60,7 +60,7 @@ def unseen(search: EffectSearch, named: Fit) -> list[Fit]:
         name for name in search.names if (name,) in search.fits and not earns_place(search.fits, (name,), (), criteria)
     ]
     models = [search.model((name,), _usual_values(search, name)) for name in names]
-    fits = search.near(models, named)
+    fits = search.near(models, named, also=[(search.fits[name,].warm_start,) for name in names])
     return [fit for fit in fits if fit.deviance < named.deviance + criteria.not_excluded]
 
 
