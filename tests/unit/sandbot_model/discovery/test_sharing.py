@@ -461,6 +461,24 @@ def test_a_drift_that_cell_means_contradict_is_not_reported(monkeypatch):
     assert averaged_over_scatter(beside, DEFAULT).point is beside.point
 
 
+def test_a_cell_near_a_switch_does_not_tell_how_far_blocks_differ(drawn):
+    """Its slope by k, which holds for a tiny change only, would by itself tell that they are alike."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="block{row.replicate:g}")))
+    clear = plain.problem.away_from_switch(plain.problem.widening(plain.state.covariance[0]))
+    assert clear.any()
+    assert not clear.all()
+
+    def error(where):
+        apart = plain.cells.batch_mean + 0.02 * where[:, None, None] * np.array([-1.0, 0.0, 1.0])[:, None]
+        cells = dataclasses.replace(plain.cells, batch_mean=apart)
+        return averaged_over_scatter(fitted_at(plain.model, cells, plain.point, nuisances_for(plain, DEFAULT)), DEFAULT)
+
+    as_they_are = error(np.zeros(len(clear)))
+    np.testing.assert_array_equal(error(~clear).stderr, as_they_are.stderr)
+    # Control: any other cell does.
+    assert (error(clear).stderr[2:] > 1.2 * as_they_are.stderr[2:]).any()
+
+
 def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
     beside = fitted_at(plain.model, plain.cells, plain.point, nuisances_for(plain, DEFAULT, BatchSd(0.005)))

@@ -255,10 +255,14 @@ def _of_each_batch(slope: Array, count: int) -> Array:
 
 
 def _contrasts(fit: Fit, values: Array) -> Array:
-    """Whitened contrasts between batches within cells ``(m, q)`` of ``values (cells, batches, 4, q)``."""
+    """Whitened contrasts between batches within cells ``(m, q)`` of ``values (cells, batches, 4, q)``.
+
+    Cells near a switch are left out: a slope there, steep for a tiny change of k only, would make all batches alike.
+    """
     share, batch_mean, found = batch_share(fit), fit.cells.batch_mean, [np.zeros((0, values.shape[-1]))]
     assert batch_mean is not None
-    for cell in np.flatnonzero((share > 0).sum(axis=1) > 1):
+    clear = fit.problem.away_from_switch(fit.problem.widening(fit.state.covariance[0]))
+    for cell in np.flatnonzero(clear & ((share > 0).sum(axis=1) > 1)):
         there = share[cell] > 0
         root = np.sqrt(share[cell, there])
         free = np.linalg.svd(root[None])[2][1:] * root
