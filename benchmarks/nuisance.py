@@ -86,6 +86,8 @@ TRUTHS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "phi_dependent_response": {"phi_dependent_response": {"b": 0.6}},
 }
 EFFECTS = tuple(name for name in TRUTHS if TRUTHS[name])
+NOMINAL, BANDS = (0.6827, 0.9545), ((0.60, 0.76), (0.90, 0.99))
+"""Probabilities within one and two standard errors, and the coverage asked of every row."""
 STATUSES = ("adequate", "named", "partial", "ambiguous", "unexplained", "untested", "false claim")
 
 
@@ -294,7 +296,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         for one in results
         if not _right(one)
     )
-    lines += ["", report(results), "Coverage, all rows together, within 1σ/2σ:", "", _together(results)]
+    lines += ["", report(results), resolution(seeds), ""]
+    lines += ["Coverage, all rows together, within 1σ/2σ:", "", _together(results)]
     return "\n".join([*lines, "", f"Not right: {wrong or 'none'}."])
 
 
@@ -302,6 +305,22 @@ def covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
     """Shares of z within 1 and 2, of all names with ``kind`` in them."""
     z = np.abs([value for one in some for name, value in one["z"].items() if kind in name])
     return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
+
+
+def resolution(seeds: int) -> str:
+    """What coverage over so many seeds can show, in one sentence."""
+    inside, usual = [], []
+    for nominal, (low, high) in zip(NOMINAL, BANDS, strict=True):
+        chance = [math.comb(seeds, n) * nominal**n * (1 - nominal) ** (seeds - n) for n in range(seeds + 1)]
+        inside.append(sum(p for n, p in enumerate(chance) if low <= round(n / seeds, 9) <= high))
+        below = np.cumsum(chance)
+        usual.append("{:.2f} to {:.2f}".format(*np.searchsorted(below, (0.025, 0.975)) / seeds))
+    bands = ["{:.2f} to {:.2f}".format(*band) for band in BANDS]
+    return (
+        f"With {seeds} seeds a row, an exact 0.68 lies within {bands[0]} in only {inside[0]:.0%} of rows, and an exact "
+        f"0.95 within {bands[1]} in {inside[1]:.0%}: of one z a seed, a row can show no more than whether coverage is "
+        f"within {usual[0]} and {usual[1]} (95 %)."
+    )
 
 
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:

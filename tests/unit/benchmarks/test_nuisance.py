@@ -79,3 +79,11 @@ def test_a_week_from_the_priors_scatters_as_they_say():
     some = list(nuisance.cases(1, (), drawn_from_priors=True))
     assert {case.dose for case in some} == {nuisance.FROM_PRIORS}
     assert all(case.world.week == weeks[0] for case in some)
+
+
+def test_few_seeds_are_said_to_show_little():
+    few, many = nuisance.resolution(20), nuisance.resolution(1000)
+    assert "0.60 to 0.76 in only 66% of rows" in few
+    assert "0.90 to 0.99 in 55%" in few
+    assert "within 0.45 to 0.85 and 0.85 to 1.00 (95 %)" in few
+    assert "0.60 to 0.76 in only 100% of rows" in many

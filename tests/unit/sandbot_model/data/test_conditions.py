@@ -114,7 +114,8 @@ def test_what_batches_are_called_is_of_no_consequence(whole):
 
     def of(*names):
         rows = [
-            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.01 * w + i**2, batch=names[int(w) // 4 - 1 if whole else i])
+            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.01 * w + i**2, batch=names[int(w) // 4 - 1 if whole else i],
+                run_order=w + 20 * i)
             for w in (4.0, 8.0, 12.0) for i in range(3)
         ]  # fmt: skip
         return cells_of(from_rows(rows))
@@ -122,6 +123,8 @@ def test_what_batches_are_called_is_of_no_consequence(whole):
     cells, renamed = of("mon", "tue", "wed"), of("zebra", "cow", "ant")
     np.testing.assert_array_equal(cells.batch_share, renamed.batch_share)
     np.testing.assert_array_equal(cells.batch_mean, renamed.batch_mean)
+    np.testing.assert_array_equal(cells.batch_order, renamed.batch_order)
     # Control: share and mean of a batch stay together.
     total = np.nansum(cells.batch_share[..., None] * cells.batch_mean, axis=1)
     np.testing.assert_allclose(total[:, 0], cells.mean[:, 0])
+    np.testing.assert_allclose(np.nansum(cells.batch_share * cells.batch_order, axis=1), cells.order, atol=1e-12)

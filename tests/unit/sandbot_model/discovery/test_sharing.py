@@ -10,6 +10,7 @@ import pytest
 import _drawn
 from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import nuisances_about
 from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
@@ -20,7 +21,8 @@ from sandbot_model.discovery.residual import suggest_formula
 from sandbot_model.discovery.sharing import _refused_if_parts_suffice, nuisances_suffice, refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.discovery.verdict import Verdict, judge
-from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.fitting.fit import fit, fitted_at, refitted
+from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -279,6 +281,9 @@ def test_batches_and_order_of_a_table_are_those_of_its_cells(drawn):
     np.testing.assert_allclose(blocks.batch_mean.mean(axis=1), blocks.mean)
     assert (np.abs(cells.order) < 0.5).all()
     assert cells.without(0).batch_share.shape == (len(cells) - 1, 7)
+    np.testing.assert_allclose(np.nansum(cells.batch_share * cells.batch_order, axis=1), cells.order)
+    np.testing.assert_allclose(blocks.batch_order.mean(axis=1), blocks.order)
+    np.testing.assert_array_equal(np.isfinite(cells.batch_order), cells.batch_share > 0)
 
 
 @pytest.mark.parametrize("batch", ["", "only"])
@@ -287,7 +292,9 @@ def test_one_batch_or_none_is_no_batch(drawn, batch):
 
 
 def test_no_order_told_is_none_known(drawn):
-    assert cells_of(drawn(levels=2)).order is None
+    cells = cells_of(drawn(levels=2))
+    assert cells.order is None
+    assert cells.batch_order is None
 
 
 def test_nuisances_move_what_they_are_said_to_move(drawn):
@@ -388,6 +395,88 @@ def test_blocks_tell_how_far_they_differ(drawn):
     delta_t, k = wider(cells, np.array([-1, 0, 1]) * 6e-3)
     assert delta_t < 1.1
     assert k > 1.5
+
+
+def block_by_block(row):
+    return row.replicate, row.omega_rad_s, row.phi
+
+
+def drifting(drift, key, zeros_m=(0.0, 0.0, 0.0)):
+    """A base model's fit, beside its nuisances, to trials run in the order of ``key`` while k grew by ``drift``; each
+    replicate's block has a lift zero of its own."""
+    grid = np.meshgrid((0.59, 0.605, 0.62), (6, 9, 12, 15, 18, 21, 24), np.arange(3), indexing="ij")
+    phi, omega, replicate = (axis.ravel().astype(float) for axis in grid)
+    rows = _drawn.table(phi, omega, replicate, np.zeros((len(phi), 4))).rows()
+    place = np.argsort(sorted(range(len(rows)), key=lambda trial: key(rows[trial])))
+    k = _drawn.GROUND(phi) * (1 + drift * place / (len(rows) - 1))
+    seen = predicted(Walker(()), Inputs(k, omega, _drawn.DELTA_T_S, phi), [], _drawn.GROUND).observables
+    seen[:, Observable.lift] += np.array(zeros_m)[replicate.astype(int)]
+    noise = 0.4 * _drawn.NOISE * np.random.default_rng(1).normal(size=seen.shape)
+    rows = _drawn.table(phi, omega, replicate, seen + noise).rows()
+    rows = [
+        dataclasses.replace(row, batch=f"block{row.replicate:g}", run_order=at + 1.0)
+        for row, at in zip(rows, place.tolist(), strict=True)
+    ]
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(from_rows(rows)))
+    return refitted(plain, nuisances_for(plain, DEFAULT))
+
+
+def drift_of(fit):
+    return fit.shared[fit.nuisances.names.index("drift")].value
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.04])
+@pytest.mark.parametrize("zeros_m", [(0.0, 0.0, 0.0), (-4e-4, 3e-4, 5e-4)])
+def test_replicates_of_other_blocks_tell_a_drift_from_a_response(drift, zeros_m):
+    """In order of ω a drift looks like another Δt, but the second block begins where the first has ended."""
+    beside = drifting(drift, block_by_block, zeros_m)
+    informed = averaged_over_scatter(beside, DEFAULT)
+    before, after = beside.parameters["delta_t_s"], informed.parameters["delta_t_s"]
+    assert after.stderr < 0.5 * before.stderr
+    assert abs(after.value - _drawn.DELTA_T_S) < 2 * after.stderr
+    assert drift_of(informed) == pytest.approx(drift, abs=0.015)
+    # Control: what cell means alone tell.
+    if drift:
+        assert abs(drift_of(beside)) < 0.015
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        lambda row: (row.omega_rad_s, row.phi, row.replicate),  # those of a condition in a row
+        lambda row: (row.replicate, (997 * row.phi + 31.7 * row.omega_rad_s) % 1),  # in no order: a drift costs nothing
+    ],
+)
+def test_replicates_that_tell_no_drift_change_nothing(key):
+    beside = drifting(0.0, key)
+    averaged = averaged_over_scatter(beside, DEFAULT)
+    assert averaged.point is beside.point
+    assert averaged.stderr[0] > 0.9 * beside.stderr[0]
+
+
+def test_a_drift_that_cell_means_contradict_is_not_reported(monkeypatch):
+    """After a jump the replicates may tell of a drift that is none."""
+    beside = drifting(0.0, block_by_block)
+    monkeypatch.setattr(nuisances_about, "_drift_of_replicates", lambda *_: Estimate(1.0, 1e-3))
+    assert averaged_over_scatter(beside, DEFAULT).point is beside.point
+
+
+def test_a_cell_near_a_switch_does_not_tell_how_far_blocks_differ(drawn):
+    """Its slope by k, which holds for a tiny change only, would by itself tell that they are alike."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="block{row.replicate:g}")))
+    clear = plain.problem.away_from_switch(plain.problem.widening(plain.state.covariance[0]))
+    assert clear.any()
+    assert not clear.all()
+
+    def error(where):
+        apart = plain.cells.batch_mean + 0.02 * where[:, None, None] * np.array([-1.0, 0.0, 1.0])[:, None]
+        cells = dataclasses.replace(plain.cells, batch_mean=apart)
+        return averaged_over_scatter(fitted_at(plain.model, cells, plain.point, nuisances_for(plain, DEFAULT)), DEFAULT)
+
+    as_they_are = error(np.zeros(len(clear)))
+    np.testing.assert_array_equal(error(~clear).stderr, as_they_are.stderr)
+    # Control: any other cell does.
+    assert (error(clear).stderr[2:] > 1.2 * as_they_are.stderr[2:]).any()
 
 
 def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):

@@ -12,6 +12,7 @@ from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import (
     Nuisances,
+    averaged_estimate,
     averaged_moments,
     effective,
     gains_for_errors,
@@ -129,7 +130,11 @@ def test_an_offset_of_nothing_moves_nothing(cells):
     np.testing.assert_array_equal(state.predicted, Problem(MODEL, cells).states(*POINT).predicted)
 
 
-@pytest.mark.parametrize("of", [lift_zero, lambda cells: offset_of_k(cells, np.array([0.004]))])
+def expected(cells, mean=0.02):
+    return replace(offset_of_k(cells, np.zeros(1)), mean=np.array([mean]))
+
+
+@pytest.mark.parametrize("of", [lift_zero, lambda cells: offset_of_k(cells, np.array([0.004])), expected])
 def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells, of):
     problem = Problem(MODEL, cells, of(cells))
     state = problem.states(*POINT)
@@ -138,6 +143,18 @@ def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells, of):
     jacobian = full_jacobian(problem, state)[0]
     assert jacobian.shape == (len(sides[0]), 2 + 3 + 1)
     np.testing.assert_allclose(jacobian[:, -1], (sides[1] - sides[0]) / 2e-6, rtol=1e-4, atol=1e-6)
+
+
+def test_an_offset_of_every_cell_is_what_it_was_known_to_be(cells):
+    """k takes up the rest: the data can tell no offset of all cells of a level."""
+    plain = fit(MODEL, cells)
+    for own in (expected(cells), offset_of_k(cells, np.zeros(1))):
+        found = fitted_at(MODEL, cells, solve_near((MODEL, cells, (plain.warm_start,), own)), own)
+        assert found.shared[0] == pytest.approx((own.mean[0], own.sd[0]), rel=0.01, abs=1e-4)
+        assert found.deviance == pytest.approx(plain.deviance, abs=0.01)
+        known = np.isfinite(plain.stderr[len(plain.point.theta) :])
+        assert known.any()
+        np.testing.assert_allclose((found.point.ln_k - plain.point.ln_k)[known], -own.mean[0], atol=1e-3)
 
 
 def test_a_lift_read_too_high_is_found_and_a_right_one_is_not(drawn):
@@ -219,6 +236,22 @@ def test_at_one_scatter_the_moments_are_those_of_generalised_least_squares():
     away = covariance @ jacobian.T @ np.linalg.solve(wide, residual)
     moments = averaged_moments(residual, jacobian, slopes, others, np.array([0.005]), np.zeros(1))
     np.testing.assert_allclose(moments, covariance + np.outer(away, away), rtol=1e-9, atol=1e-12)
+
+
+def test_an_estimate_averaged_over_the_scatter_is_that_of_its_posterior():
+    contrasts, others, slopes = drawn_values(2, 0.005, 40, 4, 2)
+    contrasts = contrasts + 1.5 * others[:, 0]
+    wide = np.eye(160) + 0.005**2 * slopes @ slopes.T + others[:, 1:] @ others[:, 1:].T
+    precision = 1.0 + others[:, 0] @ np.linalg.solve(wide, others[:, 0])
+    mean = others[:, 0] @ np.linalg.solve(wide, contrasts) / precision
+    found = averaged_estimate(contrasts, slopes, others, np.array([0.005]), np.zeros(1))
+    assert found == pytest.approx((mean, precision**-0.5))
+    # Of a scatter that is not known, the error is larger than with any one known.
+    both = averaged_estimate(contrasts, slopes, others, np.array([0.0, 0.005]), np.zeros(2))
+    assert both[1] > 0.7 * max(averaged_estimate(contrasts, slopes, others, np.array([0.005]), np.zeros(1))[1], 1e-9)
+    # Control: contrasts that it does not move leave the prior.
+    nothing = np.column_stack([np.zeros(160), others[:, 1]])
+    assert averaged_estimate(contrasts, slopes, nothing, np.array([0.005]), np.zeros(1)) == pytest.approx((0.0, 1.0))
 
 
 @pytest.mark.parametrize(("sigma", "days"), [(0.003, 5), (0.006, 7), (0.0, 20), (2 * PRIOR, 7)])

@@ -76,6 +76,9 @@ class Cells:
     order: Floats | None = field(
         default=None, metadata={"doc": "(n,), mean position in the run order from -1/2 to 1/2; None: unknown"}
     )
+    batch_order: Floats | None = field(
+        default=None, metadata={"doc": "(n, batches), the same of a cell's trials in each batch; NaN without any"}
+    )
     two_groups: TwoGroups | None = None
     """The split of the trials that removes most of the scatter of replicates, if that is questioned."""
 
@@ -104,9 +107,9 @@ class Cells:
         shorter: dict[str, Any] = {
             name: value[keep] for name, value in over_cells.items() if isinstance(value, np.ndarray)
         }
-        if self.batch_share is not None and self.batch_mean is not None:
+        if self.batch_share is not None:
             kept = shorter["batch_share"].any(axis=0)
-            shorter |= {"batch_share": shorter["batch_share"][:, kept], "batch_mean": shorter["batch_mean"][:, kept]}
+            shorter |= {name: shorter[name][:, kept] for name in OVER_BATCHES if name in shorter}
         removed, gait = int(self.n[~keep].max(axis=1).sum()), tuple(np.array(self.gait)[keep].tolist())
         shorter |= {"trials": self.trials - removed, "excluded": self.excluded + removed}
         return replace(self, gait=gait, clock=self.clock[keep], **shorter)
@@ -114,6 +117,8 @@ class Cells:
 
 NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
 """Arrays of ``Cells`` that are not over cells."""
+OVER_BATCHES = ("batch_share", "batch_mean", "batch_order")
+"""Those that are over cells and batches."""
 
 
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
@@ -207,7 +212,8 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     names = tuple(np.unique(trials.gait)[keys[1]].tolist())
-    share, by_batch = _by_batch(batch, values, cells)
+    position = _run_position(trials.run_order)
+    share, by_batch, batch_order = _by_batch(batch, values, position, cells)
     usual_cell, questioned = ~error.own[cell], far_apart(error.sd, usual).sum() >= AGREEING
     return Cells(
         phi=cell_phi,
@@ -231,7 +237,8 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
         error_bars=error is not of_replicates,
         batch_share=share,
         batch_mean=by_batch,
-        order=_run_position(trials.run_order, cells),
+        order=None if position is None else cells.mean(position),
+        batch_order=batch_order,
         two_groups=two_groups(
             residual[usual_cell], cell[usual_cell], trials.trial_id[usual_cell], trials.run_order[usual_cell]
         )
@@ -240,10 +247,13 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     )
 
 
-def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
-    """``batch_share`` and ``batch_mean``, in an order independent of names; None where at most one is named."""
+def _by_batch(
+    batch: NDArray[np.str_], values: Floats, position: Floats | None, cells: _Groups
+) -> tuple[Floats | None, Floats | None, Floats | None]:
+    """``batch_share``, ``batch_mean`` and ``batch_order``, in an order independent of names; None where at most one is
+    named."""
     if len(np.unique(batch)) < 2:
-        return None, None
+        return None, None, None
     # Trials without a batch are grouped by condition, as they are where no trial names any.
     own_condition = np.char.add("\0", cells.index.astype(str))
     names, index = np.unique(np.where(batch == "", own_condition, batch), return_inverse=True)
@@ -252,14 +262,17 @@ def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[
     mean = np.stack([cells.means(np.where(of[:, None], values, np.nan)) for of in own.T], axis=1)
     # By the cells of each batch, then by their means: a sample of the posterior depends on the order of its unknowns.
     by_content = np.lexsort(np.concatenate([np.nan_to_num(mean).swapaxes(1, 2).reshape(-1, len(names)), share]))
-    return share[:, by_content], mean[:, by_content]
+    share, mean = share[:, by_content], mean[:, by_content]
+    if position is None:
+        return share, mean, None
+    return share, mean, cells.means(np.where(own, position[:, None], np.nan))[:, by_content]
 
 
-def _run_position(order: Floats, cells: _Groups) -> Floats | None:
-    """Mean position of each cell in the run order ``(groups,)``, from -1/2 for the first trial to 1/2 for the last."""
+def _run_position(order: Floats) -> Floats | None:
+    """Position of each trial in the run order, from -1/2 for the first to 1/2 for the last."""
     if not np.isfinite(order).all() or not np.ptp(order) > 0:
         return None
-    return cells.mean((order - order.min()) / np.ptp(order) - 0.5)
+    return np.asarray((order - order.min()) / np.ptp(order) - 0.5)
 
 
 def _at_level_phi(

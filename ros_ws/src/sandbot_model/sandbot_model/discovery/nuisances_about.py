@@ -1,7 +1,8 @@
 """Nuisances of a fit, with their priors, and REML estimates of how far batches differ, linearised about the fit.
 
 ``nuisances_for`` builds them for given batch SDs; ``estimated_batch_sd`` finds these SDs; ``averaged_over_scatter``
-gives standard errors averaged over the posterior of σ_b, ``averaged_with`` over several models.
+gives standard errors averaged over the posterior of σ_b, ``averaged_with`` over several models. Of trials run in order
+of ω or φ, replicates in other batches tell a drift of k from a dependence on ω or φ.
 """
 
 from collections.abc import Sequence
@@ -13,13 +14,15 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
+from sandbot_model.discovery.verdict import leaves_nothing, sound
 from sandbot_model.fitting.errors import with_sampled_errors
-from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.fit import Fit, refitted
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import slope_by_ln_k, without_nuisances
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import (
     Nuisances,
+    averaged_estimate,
     averaged_moments,
     gains_for_errors,
     probability,
@@ -37,6 +40,9 @@ DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 IN_ORDER = 0.9
 """Correlation of run order with φ or ω above which trials were run in order of it."""
 
+APART = 0.1
+"""Part of a campaign that lies between a condition's trials in other batches if these tell how k drifted."""
+
 
 def run_in_order_of(cells: Cells) -> str:
     """``ω`` or ``φ`` if trials were run in order of it; empty if they were not, or no order is known."""
@@ -48,28 +54,37 @@ def run_in_order_of(cells: Cells) -> str:
     return ""
 
 
-def nuisances_for(fit: Fit, criteria: Criteria, batch_sd: BatchSd = ALIKE) -> Nuisances:
+def nuisances_for(fit: Fit, criteria: Criteria, batch_sd: BatchSd = ALIKE, drift: Estimate | None = None) -> Nuisances:
     """Nuisances and their priors for a refit; ``batch_sd`` are the standard deviations between batches.
 
-    Start values are the fit's estimates. Priors of zero and scale come from ``accuracy`` in cameras.yaml.
+    Start values are the fit's estimates. Priors of zero and scale come from ``accuracy`` in cameras.yaml, that of a
+    drift is the usual one unless given.
     """
+    trend = drift or Estimate(0.0, criteria.drift)
     slope, share, order = slope_by_ln_k(fit.problem, fit.state), batch_share(fit), fit.cells.order
-    none, (lift, along) = np.zeros(len(fit.cells)), np.zeros((2, *slope.shape))
-    lift[:, Observable.lift] = 1.0
-    along[:, ALONG] = fit.predicted[:, ALONG]
+    none, (lift, along) = np.zeros(len(fit.cells)), _slopes_of_readings(fit)
     found: list[tuple[str, float, Array, Array]] = []
     for name, of_one, moves_k in ((BATCH, slope, True), (BATCH_ZERO, lift, False), (BATCH_SCALE, along, False)):
         if sd := batch_sd[name]:
             found += [(name, sd, of_one * batch[:, None], batch if moves_k else none) for batch in share.T]
     if order is not None:
-        found.append((DRIFT, criteria.drift, slope * order[:, None], order))
+        found.append((DRIFT, trend.stderr, slope * order[:, None], order))
     if "lift" in fit.cells.observables:
         found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift, none))
     found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along, none))
     names, sds, slopes, by_ln_k = zip(*found, strict=True)
     about, stderr = _current_estimates(fit, names)
     own = np.sqrt(share**2 @ np.minimum(batch_sd.ln_k, stderr[: share.shape[1]]) ** 2) if batch_sd.ln_k else none
-    return Nuisances(names, np.array(sds), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1))
+    mean = np.where(np.array(names) == DRIFT, trend.value, 0.0)
+    return Nuisances(names, np.array(sds), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1), mean)
+
+
+def _slopes_of_readings(fit: Fit) -> Array:
+    """d(cell mean)/d(lift zero) and d(cell mean)/d(scale along the track) ``(2, cells, 4)``."""
+    lift, along = slopes = np.zeros((2, *fit.predicted.shape))
+    lift[:, Observable.lift] = 1.0
+    along[:, ALONG] = fit.predicted[:, ALONG]
+    return slopes
 
 
 def _current_estimates(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
@@ -121,14 +136,40 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     A best estimate of σ_b = 0 does not mean that the bed is exact, and standard errors for σ_b = 0 would be too small.
     Replicates of a condition in several batches constrain σ_b best. A verdict uses a half-normal prior; errors must
     also hold on an unusually rough bed, so here the prior is half-Cauchy.
+
+    Where these replicates tell how k drifted, it is fitted again with that, unless this would change the verdict.
     """
-    given, sizes, gain = _scatter_posterior(fit, criteria)
+    averaged = _averaged(fit, criteria, None)
+    drift = _drift_of_replicates(fit, criteria) if sound(averaged) else None
+    if drift is None:
+        return averaged
+    again = refitted(fit, nuisances_for(fit, criteria, batch_sd_of(fit), drift))
+    again = _averaged(again, criteria, drift)
+    return again if leaves_nothing(again, criteria) and sound(again) else averaged
+
+
+def _averaged(fit: Fit, criteria: Criteria, drift: Estimate | None) -> Fit:
+    """The fit with averaged errors; ``drift`` is what replicates tell of it."""
+    given, sizes, gain = _scatter_posterior(fit, criteria, drifts=drift is not None)
     moments = averaged_moments(*given, sizes, gain)
     stderr = np.where(np.isfinite(fit.stderr), np.sqrt(np.diag(moments)), fit.stderr)
     averaged = replace(fit, stderr=stderr, covariance=moments)
-    scatter = float(np.sqrt(probability(gain) @ sizes**2))
-    beside = Problem(fit.model, fit.cells, nuisances_for(fit, criteria, batch_sd_of(fit).with_sd(BATCH, scatter)))
-    return with_sampled_errors(averaged, beside)
+    batch_sd = batch_sd_of(fit).with_sd(BATCH, float(np.sqrt(probability(gain) @ sizes**2)))
+    return with_sampled_errors(averaged, Problem(fit.model, fit.cells, nuisances_for(fit, criteria, batch_sd, drift)))
+
+
+def _drift_of_replicates(fit: Fit, criteria: Criteria) -> Estimate | None:
+    """The drift of k by the contrasts between batches within cells, beside the prior; None where a drift costs little,
+    as in random order, or where these contrasts do not tell it."""
+    order = fit.cells.batch_order
+    if order is None or not run_in_order_of(fit.cells):
+        return None
+    if (np.nanmax(order, axis=1) - np.nanmin(order, axis=1)).max() < APART:
+        return None
+    _, sizes, gain = _scatter_posterior(fit, criteria, drifts=True)
+    given = *_within_cell_contrasts(fit), _drift_and_readings(fit, criteria)
+    value, stderr = averaged_estimate(*given, sizes, gain)
+    return Estimate(criteria.drift * value, criteria.drift * stderr)
 
 
 def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
@@ -161,13 +202,26 @@ def _moments_about(fit: Fit, other: Fit) -> Array:
     return moments
 
 
-def _scatter_posterior(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
-    """The linearised fit, extended by contrasts between batches within cells; the grid of σ_b, and the gain of each."""
+def _scatter_posterior(
+    fit: Fit, criteria: Criteria, drifts: bool
+) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
+    """The linearised fit, extended by contrasts between batches within cells; the grid of σ_b, and the gain of each.
+
+    ``drifts``: whether contrasts may be due to a drift, as well as to the batches' beds; to these alone otherwise.
+    """
     residual, unknowns, batches, others = _linearised(fit, criteria).of(BATCH, batch_sd_of(fit))
     contrasts, between = _within_cell_contrasts(fit)
+    within = _drift_and_readings(fit, criteria) if drifts else np.zeros((len(contrasts), 1))
+    drift, readings = np.split(within, [1], axis=1)
+    # The drift is the first of the others, too.
+    others = np.block(
+        [
+            [others, np.zeros((len(residual), readings.shape[1]))],
+            [drift, np.zeros((len(contrasts), others.shape[1] - 1)), readings],
+        ]
+    )
     residual, batches = np.concatenate([residual, contrasts]), np.concatenate([batches, between])
-    unknowns, others = (np.pad(slopes, ((0, len(contrasts)), (0, 0))) for slopes in (unknowns, others))
-    given = residual, unknowns, batches, others
+    given = residual, np.pad(unknowns, ((0, len(contrasts)), (0, 0))), batches, others
     return given, *gains_for_errors(*given, criteria.bed_scatter)
 
 
@@ -176,20 +230,47 @@ def _within_cell_contrasts(fit: Fit) -> tuple[Array, Array]:
 
     They do not depend on the model's prediction of the cell mean.
     """
-    share, batch_mean, by_ln_k = batch_share(fit), fit.cells.batch_mean, slope_by_ln_k(fit.problem, fit.state)
-    contrasts, slopes = [np.zeros(0)], [np.zeros((0, share.shape[1]))]
+    count, batch_mean = batch_share(fit).shape[1], fit.cells.batch_mean
     if batch_mean is None:
-        return contrasts[0], slopes[0]
-    for cell in np.flatnonzero((share > 0).sum(axis=1) > 1):
+        return np.zeros(0), np.zeros((0, count))
+    by_ln_k = slope_by_ln_k(fit.problem, fit.state)
+    return _contrasts(fit, batch_mean[..., None])[:, 0], _contrasts(fit, _of_each_batch(by_ln_k, count))
+
+
+def _drift_and_readings(fit: Fit, criteria: Criteria) -> Array:
+    """Slopes of the same contrasts ``(m, 1 + n)`` by a drift of k and by each batch's lift zero and speed scale, all in
+    units of their priors."""
+    order, sd = fit.cells.batch_order, priors(fit, criteria)
+    assert order is not None
+    drift = criteria.drift * slope_by_ln_k(fit.problem, fit.state)[:, None] * order[..., None]
+    readings = zip((BATCH_ZERO, BATCH_SCALE), _slopes_of_readings(fit), strict=True)
+    own = [_of_each_batch(sd[name] * slope, order.shape[1]) for name, slope in readings]
+    return _contrasts(fit, np.concatenate([drift[..., None], *own], axis=-1))
+
+
+def _of_each_batch(slope: Array, count: int) -> Array:
+    """Slopes of the batches' means ``(cells, batches, 4, batches)`` by what each has of its own, ``slope (cells, 4)``
+    of one trial."""
+    return slope[:, None, :, None] * np.eye(count)[:, None]
+
+
+def _contrasts(fit: Fit, values: Array) -> Array:
+    """Whitened contrasts between batches within cells ``(m, q)`` of ``values (cells, batches, 4, q)``.
+
+    Cells near a switch are left out: a slope there, steep for a tiny change of k only, would make all batches alike.
+    """
+    share, batch_mean, found = batch_share(fit), fit.cells.batch_mean, [np.zeros((0, values.shape[-1]))]
+    assert batch_mean is not None
+    clear = fit.problem.away_from_switch(fit.problem.widening(fit.state.covariance[0]))
+    for cell in np.flatnonzero(clear & ((share > 0).sum(axis=1) > 1)):
         there = share[cell] > 0
         root = np.sqrt(share[cell, there])
-        free, whiten = np.linalg.svd(root[None])[2][1:] * root, fit.problem.whiten[cell]
+        free = np.linalg.svd(root[None])[2][1:] * root
         known = np.isfinite(batch_mean[cell, there]).all(axis=0) & fit.problem.measured[cell]
-        contrasts.append((free @ np.where(known, batch_mean[cell, there], 0.0) @ whiten.T).ravel())
-        slope = np.zeros((len(free), len(whiten), share.shape[1]))
-        slope[:, :, there] = np.einsum("ij,j,bc->bic", whiten, np.where(known, by_ln_k[cell], 0.0), free)
-        slopes.append(slope.reshape(-1, share.shape[1]))
-    return np.concatenate(contrasts), np.concatenate(slopes)
+        whiten = fit.problem.whiten[cell] * known
+        each = np.where(known[:, None], values[cell, there], 0.0)
+        found.append(np.einsum("fb,oj,bjq->foq", free, whiten, each, optimize=True).reshape(-1, values.shape[-1]))
+    return np.concatenate(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +286,7 @@ class _Linearised:
     def of(self, name: str, beside: BatchSd) -> tuple[Array, Array, Array, Array]:
         """The four arrays if batches differ in ``name``; their other differences count among the other nuisances."""
         other = [beside[key] * slopes for key, slopes in self.batches.items() if key != name and beside[key]]
-        return self.residual, self.unknowns, self.batches[name], np.column_stack([*other, self.others])
+        return self.residual, self.unknowns, self.batches[name], np.column_stack([self.others, *other])
 
 
 def _linearised(fit: Fit, criteria: Criteria) -> _Linearised:

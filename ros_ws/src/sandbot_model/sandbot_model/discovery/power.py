@@ -111,7 +111,7 @@ def _gap(problem: Problem, base: Fit, index: int, strengths: Array) -> Array:
     theta = np.tile([values.get(name, 0.0) for name in problem.model.names], (len(strengths), 1))
     theta[:, index] = strengths
     rows = np.zeros(len(strengths), dtype=np.int64)
-    shared = None if base.nuisances is None else -base.state.shared[rows] * base.nuisances.sd
+    shared = None if base.nuisances is None else base.problem.shared(base.state)[rows]
     states = problem.states(theta, base.state.ln_k[rows], base.state.slope[rows], shared)
     moved = np.where(problem.measured, states.predicted - states.predicted[0], 0.0)
     gap = np.zeros((len(base.state.all_residuals[0]), len(strengths)))

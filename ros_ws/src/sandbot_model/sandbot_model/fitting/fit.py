@@ -233,7 +233,7 @@ def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | N
     free[: len(point.theta)] = [name not in model.held for name in model.names]
     stderr, covariance = standard_errors(jacobian * free)
     own = len(point.theta) + len(point.ln_k)
-    values = () if nuisances is None else (-state.shared[0] * nuisances.sd).tolist()
+    values = () if nuisances is None else problem.shared(state)[0].tolist()
     return Fit(
         model=model,
         cells=cells,

@@ -45,7 +45,7 @@ def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, A
     sd = problem.nuisances.sd
     jacobian = jacobian[: -len(sd)]
     shift = jacobian[:, -len(sd) :]
-    return residual[: len(jacobian)] - shift @ (states.shared[0] * sd), jacobian[:, : -len(sd)], shift
+    return residual[: len(jacobian)] + shift @ problem.shared(states)[0], jacobian[:, : -len(sd)], shift
 
 
 def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:

@@ -118,7 +118,7 @@ class Problem:
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
             cells, found = self.cell_means.with_reading_errors(self.nuisances, cells, found)
-            prior = -found / self.nuisances.sd
+            prior = (self.nuisances.mean - found) / self.nuisances.sd
         footing, predicted, covariance, whiten, residual, deviance = cells
         pressed = self.pressed(theta, ln_k, slope)
         likelihood = covariance, whiten, residual, deviance, pressed, prior
@@ -126,7 +126,8 @@ class Problem:
 
     def shared(self, states: States) -> Array:
         """The values of the nuisances ``(rows, nuisances)``."""
-        return states.shared if self.nuisances is None else -states.shared * self.nuisances.sd
+        own = self.nuisances
+        return states.shared if own is None else own.mean - states.shared * own.sd
 
     def bed(self, states: States) -> Array:
         """The same with NaN for those of the readings, which ``states`` then determines."""

@@ -2,14 +2,14 @@
 
 Each nuisance u_i has a Gaussian prior of standard deviation sd_i and moves the cell means by a known slope, so that
 
-    ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(0, sd_i²)
+    ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(mean_i, sd_i²)
 
 In a fit, those of the bed move k itself; only the estimates about a fit below are linear. A batch shares one offset of
 ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML; Patterson & Thompson 1971,
 Biometrika 58, 545), linearised about a fit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +40,8 @@ class Nuisances:
     """Values ``(m,)`` from which a fit begins; in a fit's own ``nuisances``, the fitted values."""
     by_ln_k: Array
     """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that do not act on k."""
+    mean: Array = field(default_factory=lambda: np.zeros(1))
+    """Means of the priors ``(m,)`` or ``(1,)``; 0 for those of readings."""
 
     @cached_property
     def moves_k(self) -> Bool:
@@ -76,7 +78,8 @@ class Nuisances:
         """Some of them ``(m,)``."""
         names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
         slope, by_ln_k = self.slope[..., which], self.by_ln_k[:, which]
-        return Nuisances(names, self.sd[which], slope, self.ln_k_sd, self.initial[which], by_ln_k)
+        mean = np.broadcast_to(self.mean, self.sd.shape)[which]
+        return Nuisances(names, self.sd[which], slope, self.ln_k_sd, self.initial[which], by_ln_k, mean)
 
     def with_k_scatter(self, ln_k_sd: float) -> "Nuisances":
         """The same with an additional scatter of ln k from condition to condition, of this standard deviation."""
@@ -149,6 +152,21 @@ def averaged_moments(
             away = covariance @ (jacobian.T @ free[:, -1])
             found += share * (covariance + np.outer(away, away))
     return found
+
+
+def averaged_estimate(
+    contrasts: Array, batches: Array, others: Array, tried: Array, gain: Array
+) -> tuple[float, float]:
+    """Mean and standard deviation of the first of ``others``, in units of its prior, from ``contrasts`` that hold
+    nothing else that is fitted, averaged over the posterior of σ_b; arguments as above."""
+    weight, means, variances = probability(gain), [], []
+    for size in tried:
+        unit = np.column_stack([others, size * batches])
+        covariance = np.linalg.inv(np.eye(unit.shape[1]) + unit.T @ unit)
+        means.append(covariance[0] @ (unit.T @ contrasts))
+        variances.append(covariance[0, 0])
+    mean = float(weight @ means)
+    return mean, float(np.sqrt(weight @ (np.array(variances) + (np.array(means) - mean) ** 2)))
 
 
 def gains(missed: Array, shares: Array, sizes: Array) -> Array:

@@ -46,7 +46,7 @@ class States:
     pressed: Array
     """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
     shared: Array
-    """Residuals of the priors: minus the nuisances in units of their prior sd ``(rows, nuisances)``."""
+    """Residuals of the priors: their means minus the nuisances, in units of their sd ``(rows, nuisances)``."""
 
     @cached_property
     def deviance(self) -> Array:
