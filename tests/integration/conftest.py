@@ -133,13 +133,13 @@ def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-@pytest.fixture
-def slow_cameras(tmp_path: Path) -> Path:
+@pytest.fixture(scope="session")
+def slow_cameras(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project's cameras at 50 Hz: two of them rendered, sent and tracked at 100 Hz fill a core."""
     content = yaml.safe_load(config_file("cameras.yaml").read_text())
     for view in VIEWS:
         content[view]["frame_rate_hz"] = 50.0
-    path = tmp_path / "slow_cameras.yaml"
+    path = tmp_path_factory.mktemp("cameras") / "slow.yaml"
     path.write_text(yaml.safe_dump(content))
     return path
 

@@ -34,9 +34,9 @@ def looks(folder):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory, batch_campaign):
+def run(tmp_path_factory, slow_cameras, batch_campaign):
     base = tmp_path_factory.mktemp("until")
-    (base / "plan.yaml").write_text(PLAN)
+    (base / "plan.yaml").write_text(f"{PLAN}cameras: {slow_cameras}\n")
     (base / "world.yaml").write_text(WORLD)
     out, world = base / "run", base / "world.yaml"
     assert batch_campaign(base / "plan.yaml", "--out", out, "--until", "verdict", "--world", world, "--workers", 1) == 0
