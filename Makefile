@@ -49,14 +49,21 @@ demo: setup
 PYTEST := PYTHONDONTWRITEBYTECODE= python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 WORKERS ?= $(shell echo $$(($$(nproc) + 3)))
 
+LINT := ruff check . && ruff format --check . && mypy && lint-imports
+
 # Tests compiled once, not by each worker that reads them.
 .venv/.tests: ros_ws/install/.ready
 	$(RUN) PYTHONDONTWRITEBYTECODE= python -m pytest --collect-only -q > /dev/null || true
 	@touch $@
 
-## All tests but the whole matrices.
-test: setup browser lint .venv/.tests
-	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS)
+# Lint runs beside them, on a CPU that would wait until the tests are compiled.
+## Lint, and all tests but the whole matrices.
+test: setup browser
+	@$(RUN) { $(LINT); } & lint=$$!; \
+	$(MAKE) --no-print-directory .venv/.tests; \
+	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS); tests=$$?; \
+	wait $$lint || { echo "trackway: lint has failed, see above; make lint shows it alone" >&2; exit 1; }; \
+	exit $$tests
 
 ## The tests that need neither ROS, nor a browser, nor much time.
 test-quick: setup
@@ -82,7 +89,7 @@ soak: setup
 
 ## ruff, mypy and the contracts between packages.
 lint: setup
-	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports
+	$(RUN) $(LINT)
 
 ## The benchmarks, or ONLY one of them; reports in benchmarks/.
 bench: setup

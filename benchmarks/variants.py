@@ -57,7 +57,7 @@ class Form:
 
 
 def _read(name: str) -> Any:
-    return yaml.safe_load(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+    return yaml.load(Path(__file__).with_name(name).read_bytes(), yaml.CSafeLoader)
 
 
 OUTSIDE = "outside the catalogue"

@@ -1,4 +1,7 @@
 import fcntl
+import functools
+import gc
+import importlib.metadata
 import itertools
 import os
 import signal
@@ -8,6 +11,7 @@ import tempfile
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,6 +26,21 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # How long an example takes is the machine's affair: a deadline fails on a busy one.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+
+# What is installed stays as it is; every catalogue of effects would read the metadata of all packages anew.
+importlib.metadata.entry_points = functools.cache(importlib.metadata.entry_points)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Nothing of what is collected is garbage: to look for some takes a fifth of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -157,6 +176,33 @@ def beside(domain: int) -> Iterator[Beside]:
     one = Beside(domain)
     yield one
     one.close()
+
+
+class AtOnce(Executor):
+    """Runs what is submitted at once, in this process."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*arguments, **named))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+
+@pytest.fixture(scope="session")
+def batch_campaign() -> Callable[..., int]:
+    """``campaign --batch`` in this process: each worker process of its own would import and compile anew."""
+
+    def run(*arguments: object) -> int:
+        from sandbot_bringup.tools import campaign
+        from sandbot_common.crew import Processes
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Processes, "executor", lambda _: AtOnce())
+            return campaign.main([*map(str, arguments), "--batch"])
+
+    return run
 
 
 @pytest.fixture(scope="module")

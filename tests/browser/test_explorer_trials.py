@@ -15,7 +15,6 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from sandbot_bringup.tools.campaign import main as run_campaign
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
 from sandbot_model.physics.effects import CATALOGUE
@@ -35,7 +34,7 @@ video.src = address;
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory):
+def campaign(tmp_path_factory, batch_campaign):
     """Eight trials of the virtual lab in bags, one of them torn; the frames of one are kept."""
     folder = tmp_path_factory.mktemp("campaign") / "campaign"
     plan = folder.parent / "plan.yaml"
@@ -43,7 +42,7 @@ def campaign(tmp_path_factory):
         "name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\nperiods: 4\n"
     )
     plan.write_text(small)
-    assert run_campaign([str(plan), "--out", str(folder), "--batch"]) == 0
+    assert batch_campaign(plan, "--out", folder) == 0
     (folder / "trials.csv").unlink()
     torn = folder / "trials" / TORN / f"{TORN}_0.mcap"
     torn.write_bytes(torn.read_bytes()[:-1000])

@@ -121,15 +121,15 @@ def test_two_robots_in_one_table_are_told_from_replicates_in_two_groups():
 
 
 @pytest.mark.parametrize(
-    "rows",
+    ("rows", "lab"),
     [
-        measured(week=Week(k_jump=0.03, k_jumps_at=(0.5,))),
-        measured(week=Week(k_drift=0.03)),
-        measured(week=Week(k_batch_sd=0.015)),
-        measured(noise=Noise(scale=15.0)),
-        with_longer_legs(lift_m=np.nan, peak_speed_m_s=np.nan, first_step_m=np.nan),
+        (measured, {"week": Week(k_jump=0.03, k_jumps_at=(0.5,))}),
+        (measured, {"week": Week(k_drift=0.03)}),
+        (measured, {"week": Week(k_batch_sd=0.015)}),
+        (measured, {"noise": Noise(scale=15.0)}),
+        (with_longer_legs, {"lift_m": np.nan, "peak_speed_m_s": np.nan, "first_step_m": np.nan}),
     ],
     ids=["jump", "drift", "days", "noisy", "speed alone"],
 )
-def test_a_bad_week_and_a_noisy_lab_are_no_two_robots(rows):
-    assert in_doubt(cells_of(from_rows(rows))) == ""
+def test_a_bad_week_and_a_noisy_lab_are_no_two_robots(rows, lab):
+    assert in_doubt(cells_of(from_rows(rows(**lab)))) == ""

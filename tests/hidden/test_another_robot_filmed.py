@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sandbot_bringup.config import config_folder
-from sandbot_bringup.tools import campaign
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_common.yaml_text import dump_yaml, read_yaml
 from sandbot_model.data.conditions import cells_of
@@ -49,12 +48,11 @@ def cameras():
 
 
 @pytest.fixture(scope="module")
-def filmed(tmp_path_factory):
+def filmed(tmp_path_factory, batch_campaign):
     folder = tmp_path_factory.mktemp("big")
     for name, content in (("plan", PLAN), ("world", WORLD), ("robot", to_mapping(BIG)), ("cameras", cameras())):
         (folder / f"{name}.yaml").write_text(dump_yaml(content))
-    run = [folder / "plan.yaml", "--out", folder / "out", "--batch", "--world", folder / "world.yaml"]
-    assert campaign.main([str(word) for word in run]) == 0
+    assert batch_campaign(folder / "plan.yaml", "--out", folder / "out", "--world", folder / "world.yaml") == 0
     return folder / "out"
 
 

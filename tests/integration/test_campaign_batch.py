@@ -32,10 +32,6 @@ def write_plan(folder, **changes):
     return path
 
 
-def run(*arguments):
-    return campaign.main([str(one) for one in arguments])
-
-
 def rows(folder):
     with (folder / "trials.csv").open() as file:
         return list(csv.DictReader(file))
@@ -53,7 +49,8 @@ def snapshot(folder):
 def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     plan = write_plan(folder)
-    assert run(plan, "--out", folder / "out", "--batch", "--hide", 3) == 0
+    # By worker processes, as usual; all other campaigns here run in this one.
+    assert campaign.main([str(plan), "--out", str(folder / "out"), "--batch", "--hide", "3"]) == 0
     return folder / "out"
 
 
@@ -103,10 +100,10 @@ def test_frames_are_kept_of_one_trial_and_the_truth_only_in_its_place(done):
 
 
 @pytest.mark.whole  # test_video has them without a campaign
-def test_frames_kept_as_video_are_the_raw_ones_to_the_last_bit(tmp_path):
+def test_frames_kept_as_video_are_the_raw_ones_to_the_last_bit(batch_campaign, tmp_path):
     plan, frames = write_plan(tmp_path, phi=[0.633], omega_rad_s=[20.0]), {}
     for images in ("raw", "video"):
-        assert run(plan, "--out", tmp_path / images, "--batch", "--images", images) == 0
+        assert batch_campaign(plan, "--out", tmp_path / images, "--images", images) == 0
         bag = Bag.open(bags(tmp_path / images)[0])
         assert bool(bag.videos) == (images == "video")
         shown = Timeline(bag, ["/camera/dorsal/image_raw", "/camera/lateral/image_raw"])
@@ -118,19 +115,19 @@ def test_frames_kept_as_video_are_the_raw_ones_to_the_last_bit(tmp_path):
     assert film_strip(tmp_path / "video") == film_strip(tmp_path / "raw") != []
 
 
-def test_the_same_seed_gives_the_same_rows(done, tmp_path):
-    assert run(write_plan(tmp_path), "--out", tmp_path / "out", "--batch", "--hide", 3, "--images", "none") == 0
+def test_the_same_seed_gives_the_same_rows(batch_campaign, done, tmp_path):
+    assert batch_campaign(write_plan(tmp_path), "--out", tmp_path / "out", "--hide", 3, "--images", "none") == 0
     assert rows(tmp_path / "out") == rows(done)
 
 
-def test_a_second_run_does_nothing_and_a_lost_bag_is_made_again(done, capsys):
+def test_a_second_run_does_nothing_and_a_lost_bag_is_made_again(batch_campaign, done, capsys):
     before = {path: path.stat().st_mtime_ns for path in bags(done)}
-    assert run(done, "--batch") == 0
+    assert batch_campaign(done) == 0
     assert "4 of 4 trials are there already" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in bags(done)} == before
     table = rows(done)
     shutil.rmtree(bags(done)[1])
-    assert run(done, "--batch") == 0
+    assert batch_campaign(done) == 0
     assert "3 of 4 trials are there already" in capsys.readouterr().out
     assert rows(done) == table
 
@@ -143,9 +140,11 @@ def test_a_second_run_does_nothing_and_a_lost_bag_is_made_again(done, capsys):
         ({"phi": [0.7]}, (), "phi: 0.7 is outside"),
     ],
 )
-def test_another_plan_or_world_is_refused_and_nothing_changes(done, tmp_path, capsys, changes, arguments, message):
+def test_another_plan_or_world_is_refused_and_nothing_changes(
+    batch_campaign, done, tmp_path, capsys, changes, arguments, message
+):
     before = snapshot(done)
-    assert run(write_plan(tmp_path, **changes), "--out", done, "--batch", *arguments) == 2
+    assert batch_campaign(write_plan(tmp_path, **changes), "--out", done, *arguments) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
@@ -153,25 +152,26 @@ def test_another_plan_or_world_is_refused_and_nothing_changes(done, tmp_path, ca
 
 
 def test_a_dry_run_says_what_would_be_done_and_writes_nothing(tmp_path, capsys):
-    assert run(write_plan(tmp_path), "--out", tmp_path / "out", "--dry-run") == 0
+    dry = ["--out", str(tmp_path / "out"), "--dry-run"]
+    assert campaign.main([str(write_plan(tmp_path)), *dry]) == 0
     assert "4 trials" in capsys.readouterr().out
     assert not (tmp_path / "out").exists()
-    assert run(write_plan(tmp_path, cameras="missing.yaml"), "--out", tmp_path / "out", "--dry-run") == 2
+    assert campaign.main([str(write_plan(tmp_path, cameras="missing.yaml")), *dry]) == 2
 
 
-def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
+def test_next_trials_extend_the_campaign_once(batch_campaign, done, tmp_path, capsys):
     shutil.copytree(done, tmp_path / "more")
     proposals = tmp_path / "next.json"
     proposals.write_text('{"next_trials": [{"phi": 0.61, "omega_rad_s": 12.0, "observable": "lift", "replicates": 1}]}')
     for _ in range(2):
-        assert run(tmp_path / "more", "--batch", "--plan", proposals) == 0
+        assert batch_campaign(tmp_path / "more", "--plan", proposals) == 0
         assert len(rows(tmp_path / "more")) == 5
     assert "5 of 5 trials are there already" in capsys.readouterr().out
     # A condition that a live operator added with another gait is run with it, in batch as well.
     file = tmp_path / "more" / "campaign.yaml"
     grown = with_condition(read_plan(file), {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1, "gait": "SGCS"}, "add")
     file.write_text(to_yaml(grown))
-    assert run(tmp_path / "more", "--batch") == 0
+    assert batch_campaign(tmp_path / "more") == 0
     soft, uniform = (row for row in rows(tmp_path / "more") if row["omega_rad_s"] == "12")
     assert (uniform["gait"], soft["gait"]) == ("UNIFORM", "SGCS")
     assert float(soft["peak_speed_m_s"]) > 1.2 * float(uniform["peak_speed_m_s"])
@@ -180,7 +180,7 @@ def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("how", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.whole), (signal.SIGKILL, -9)]
 )
-def test_stopped_at_any_moment_it_leaves_only_whole_bags_and_goes_on(tmp_path, start, how, code):
+def test_stopped_at_any_moment_it_leaves_only_whole_bags_and_goes_on(batch_campaign, tmp_path, start, how, code):
     plan = write_plan(tmp_path, omega_rad_s=[20.0, 26.0], replicates=1, images="none")  # short trials
     out = tmp_path / "out"
     process = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", out, "--batch")
@@ -189,7 +189,7 @@ def test_stopped_at_any_moment_it_leaves_only_whole_bags_and_goes_on(tmp_path, s
     assert process.wait(60) == code
     for path in bags(out):
         assert Bag.open(path).complete
-    assert run(out, "--batch") == 0
+    assert batch_campaign(out) == 0
     assert len(rows(out)) == len(bags(out)) == 4
     assert not [path for path in (out / "trials").iterdir() if path.name.startswith(".")]
 

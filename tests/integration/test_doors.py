@@ -8,7 +8,6 @@ import pytest
 
 import sandbot_record
 import sandbot_tracking
-from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common.errors import InputError
 from sandbot_model.tools.export import main as export
 
@@ -18,12 +17,11 @@ PLAN = "name: door\ngait: UNIFORM\nphi: [0.62]\nomega_rad_s: [12]\nreplicates: 1
 
 
 @pytest.fixture(scope="module")
-def trial(tmp_path_factory):
+def trial(tmp_path_factory, batch_campaign):
     """A folder with one trial's bag, the videos of both cameras, and their calibration."""
     folder = tmp_path_factory.mktemp("door")
     (folder / "plan.yaml").write_text(PLAN)
-    arguments = [str(folder / "plan.yaml"), "--out", str(folder / "out"), "--batch", "--workers", "1"]
-    assert campaign(arguments) == 0
+    assert batch_campaign(folder / "plan.yaml", "--out", folder / "out") == 0
     (bag,) = (folder / "out" / "trials").iterdir()
     (folder / "trial").symlink_to(bag)
     (folder / "cameras.yaml").symlink_to(folder / "out" / "cameras.yaml")

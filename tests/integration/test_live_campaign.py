@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 import yaml
 
-from sandbot_bringup import batch, node_table, runner
+from sandbot_bringup import batch
 from sandbot_bringup.plan import read_plan, trials_of
-from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import topics
 from sandbot_lab.robot import simulate
 from sandbot_record.bags.reader import Bag
@@ -31,8 +30,6 @@ PATIENT = ["clock.lease_s:=1.0", "clock.robot_s:=1.0", "clock.late_s:=0.25"]
 LAB, SERIAL = [*PATIENT, "lab.legs_lease_s:=1.0"], [*PATIENT, "serial_legs.legs_lease_s:=1.0"]
 DEVICES = 1
 """Seed of the simulated devices."""
-RATE_HZ = 50.0
-"""Of the cameras: two of them rendered and tracked at 100 Hz take both cores of a small machine."""
 ROUNDS = 3
 """What a busy machine has spoilt is marked, and run once more."""
 
@@ -43,33 +40,24 @@ def rows(folder):
 
 
 @pytest.fixture
-def plan(tmp_path):
-    """The plan, and cameras.yaml beside it."""
-    content = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
-    for name in ("dorsal", "lateral"):
-        content[name]["frame_rate_hz"] = RATE_HZ
-    (tmp_path / "cameras.yaml").write_text(yaml.safe_dump(content))
+def plan(tmp_path, slow_cameras):
     path = tmp_path / "plan.yaml"
     keys = {"name": "nine", "seed": 5, "gait": "UNIFORM", "phi": PHI, "omega_rad_s": OMEGA, "periods": 8.0}
-    keys |= {"replicates": REPLICATES, "bed": BED, "cameras": "cameras.yaml", "images": "none"}
+    keys |= {"replicates": REPLICATES, "bed": BED, "cameras": str(slow_cameras), "images": "none"}
     path.write_text(yaml.safe_dump(keys))
     return path
 
 
 @pytest.fixture
-def batch_on(monkeypatch):
-    """Run a plan in this process on ground of the φ that is given for each trial, by its seed; ``chance``: of all."""
+def batch_on(monkeypatch, batch_campaign):
+    """Run a plan on ground of the φ that is given for each trial, by its seed; ``chance``: of all."""
 
     def run(path, out, phi_by_seed, chance):
         def simulated(world, phi, *motion, seed):
             return simulate(world, phi_by_seed.get(seed, phi), *motion, seed=seed if chance is None else chance)
 
-        def one_by_one(trials, job, _crew):
-            return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
-
         monkeypatch.setattr(batch, "simulate", simulated)
-        monkeypatch.setattr(runner, "run", one_by_one)
-        assert campaign([str(path), "--out", str(out), "--batch"]) == 0
+        assert batch_campaign(path, "--out", out) == 0
 
     return run
 
@@ -120,23 +108,23 @@ def check(path, live, batch_on, tmp_path, wall_s, failed, chance=None):
     assert np.abs(list(worst.values())).max() < 0.01
 
 
-def test_in_the_virtual_lab(tmp_path, start, plan, batch_on):
+def test_in_the_virtual_lab(tmp_path, start, plan, slow_cameras, batch_on):
     beds = [f"bed.{name}:={value}" for name, value in BED.items()]
-    start(
-        "ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={tmp_path / 'cameras.yaml'}", *beds, *LAB
-    )
+    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={slow_cameras}", *beds, *LAB)
     check(plan, tmp_path / "live", batch_on, tmp_path, *run_live(start, plan, tmp_path / "live"))
 
 
-def test_over_serial_lines_on_films_of_the_simulated_devices(tmp_path, start, plan, batch_on):
-    cameras, folder = tmp_path / "cameras.yaml", tmp_path / "dev"
-    options = ("--cameras", cameras, "--seed", DEVICES, "--lease", 1.0)
+def test_over_serial_lines_on_films_of_the_simulated_devices(tmp_path, start, plan, slow_cameras, batch_on):
+    folder = tmp_path / "dev"
+    options = ("--cameras", slow_cameras, "--seed", DEVICES, "--lease", 1.0)
     simulated = start(sys.executable, "-m", "sandbot_hardware.simulate_command", folder, *options)
     simulated.until(lambda line: line.startswith("devices:"))
     files = {"bed": "bed", "leg": "legs", "dorsal": "dorsal", "lateral": "lateral"}
     lines = [f"{name}_device:={folder / file}" for name, file in files.items()]
     drivers = ["lab:=false", "bed_driver:=serial", "leg_driver:=serial", "camera_driver:=serial", *lines]
     beds = [f"bed.{name}:={value}" for name, value in BED.items()]
-    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={cameras}", *drivers, *beds, *SERIAL)
+    start(
+        "ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={slow_cameras}", *drivers, *beds, *SERIAL
+    )
     # A real robot can't be told a trial's chance either: that of the devices is the same in every trial.
     check(plan, tmp_path / "live", batch_on, tmp_path, *run_live(start, plan, tmp_path / "live"), chance=DEVICES)

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from layouts import plotted, value
 
-from sandbot_bringup import batch, runner
+from sandbot_bringup import batch
 from sandbot_bringup.plan import read_plan
-from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import topics
 from sandbot_lab.robot import simulate
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
@@ -32,23 +31,19 @@ def rows(folder):
 
 @pytest.fixture
 def same_ground(monkeypatch):
-    """Batch in this process, on ground of volume fraction PHI whatever its bed came to."""
+    """Batch walks on ground of volume fraction PHI, whatever its bed came to."""
 
     def simulated(world, _phi, *rest, **named):
         return simulate(world, PHI, *rest, **named)
 
-    def run(trials, job, _crew):
-        return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
-
     monkeypatch.setattr(batch, "simulate", simulated)
-    monkeypatch.setattr(runner, "run", run)
 
 
 def test_live_row_equals_batch_row_and_speed_is_seen_live(
-    tmp_path, start, plan_of_one, quick_bed, same_ground, finished
+    tmp_path, start, plan_of_one, quick_bed, same_ground, batch_campaign, finished
 ):
     plan = plan_of_one(omega_rad_s=[12.0, 20.0])
-    assert campaign([str(plan), "--out", str(tmp_path / "batch"), "--batch"]) == 0
+    assert batch_campaign(plan, "--out", tmp_path / "batch") == 0
 
     start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed, f"lab.phi:={PHI}")
     echo = start("ros2", "topic", "echo", "/speed", "geometry_msgs/msg/TwistWithCovarianceStamped")

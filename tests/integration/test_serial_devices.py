@@ -6,10 +6,8 @@ import time
 
 import numpy as np
 import pytest
-import yaml
 
-from sandbot_bringup import batch, node_table, runner
-from sandbot_bringup.tools.campaign import main as campaign
+from sandbot_bringup import batch
 from sandbot_common import messages, topics
 from sandbot_common.ros import endpoints
 from sandbot_lab.robot import simulate
@@ -140,29 +138,14 @@ def rows(folder):
 
 
 @pytest.fixture
-def batch_of(monkeypatch):
-    """Run a plan in this process, on the ground of the simulated devices: its volume fraction, and its chance."""
+def batch_of(monkeypatch, batch_campaign):
+    """Run a plan on the ground of the simulated devices: its volume fraction, and its chance."""
 
     def simulated(world, _phi, *motion, seed):
         return simulate(world, PHI, *motion, seed=SEED)
 
-    def run(trials, job, _crew):
-        return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
-
     monkeypatch.setattr(batch, "simulate", simulated)
-    monkeypatch.setattr(runner, "run", run)
-    return lambda plan, out: campaign([str(plan), "--out", str(out), "--batch"])
-
-
-@pytest.fixture
-def slow_cameras(tmp_path):
-    """The project's cameras at 50 Hz: two of them simulated, sent and tracked at 100 Hz fill a core."""
-    content = yaml.safe_load((node_table.table_path().parent / "cameras.yaml").read_text())
-    for name in ("dorsal", "lateral"):
-        content[name]["frame_rate_hz"] = 50.0
-    path = tmp_path / "slow.yaml"
-    path.write_text(yaml.safe_dump(content))
-    return path
+    return lambda plan, out: batch_campaign(plan, "--out", out)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sandbot_bringup.plan import read_plan, to_yaml, trials_of, with_block
-from sandbot_bringup.tools import campaign, unseal
+from sandbot_bringup.tools import unseal
 from sandbot_bringup.until import START
 from sandbot_record import read
 from sandbot_record.trials.csv_table import read_csv
@@ -34,15 +34,12 @@ def looks(folder):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(tmp_path_factory, slow_cameras, batch_campaign):
     base = tmp_path_factory.mktemp("until")
-    (base / "plan.yaml").write_text(PLAN)
+    (base / "plan.yaml").write_text(f"{PLAN}cameras: {slow_cameras}\n")
     (base / "world.yaml").write_text(WORLD)
-    out, world = base / "run", str(base / "world.yaml")
-    assert (
-        campaign.main([str(base / "plan.yaml"), "--out", str(out), "--batch", "--until", "verdict", "--world", world])
-        == 0
-    )
+    out, world = base / "run", base / "world.yaml"
+    assert batch_campaign(base / "plan.yaml", "--out", out, "--until", "verdict", "--world", world, "--workers", 1) == 0
     return out
 
 
@@ -66,7 +63,7 @@ def test_the_truth_stays_sealed(run):
 
 
 @pytest.mark.whole
-def test_killed_at_its_second_look_it_comes_to_the_same_end(run, tmp_path):
+def test_killed_at_its_second_look_it_comes_to_the_same_end(run, tmp_path, batch_campaign):
     """What a kill -9 leaves: bags of some trials, a torn look, a plan that has not grown."""
     torn = tmp_path / "torn"
     shutil.copytree(run, torn)
@@ -82,6 +79,6 @@ def test_killed_at_its_second_look_it_comes_to_the_same_end(run, tmp_path):
             shutil.rmtree(bag)
     (torn / "looks.jsonl").write_text(first + second[:100])
     (torn / "trials.csv").unlink()
-    assert campaign.main([str(torn), "--batch"]) == 0
+    assert batch_campaign(torn) == 0
     assert looks(torn) == looks(run)
     assert (torn / "campaign.yaml").read_text() == (run / "campaign.yaml").read_text()

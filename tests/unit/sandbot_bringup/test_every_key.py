@@ -123,6 +123,12 @@ def measured(content, file):
     return [np.array([row[name] for row in rows]) for name in columns]
 
 
+@cache
+def usually_measured(file):
+    """In the world as the file has it."""
+    return measured(read_yaml(CONFIG / file), file)
+
+
 @every_value(*WORLDS)
 def test_a_world_changes_what_is_measured_or_is_refused(file, path):
     content = read_yaml(CONFIG / file)
@@ -131,26 +137,42 @@ def test_a_world_changes_what_is_measured_or_is_refused(file, path):
         with pytest.raises(InputError, match="schema"):
             measured(otherwise, file)
     else:
-        assert not same(measured(content, file), measured(otherwise, file))
-        assert same(measured(content, file), measured(content, file))
+        assert not same(usually_measured(file), measured(otherwise, file))
 
 
-def run(content, folder):
+@pytest.mark.parametrize("file", WORLDS)
+def test_a_world_left_as_it_is_changes_nothing(file):
+    """Control of the test before."""
+    assert same(usually_measured(file), measured(read_yaml(CONFIG / file), file))
+
+
+def run(content):
     """What a plan makes happen: every trial as it is announced, its gait, its files."""
     plan = plan_of(content, "plan.yaml")
-    files = files_of(plan, CONFIG, folder)
+    files = files_of(plan, CONFIG, CONFIG / "no campaign yet")
     return [trial_message(plan, one, SANDBOT, 0) for one in trials_of(plan)], plan.clock_gait, files
 
 
+@cache
+def usual_run(file):
+    """Of the plan as the file has it."""
+    return run(read_yaml(CONFIG / file))
+
+
 @every_value(*PLANS)
-def test_a_plan_changes_the_campaign_or_is_refused(file, path, tmp_path):
+def test_a_plan_changes_the_campaign_or_is_refused(file, path):
     content = read_yaml(CONFIG / file)
     named = {("gait",): "HGCS", ("robot",): "robot.yaml"}
     if path in named:
         with pytest.raises(InputError, match=f"{path[0]}: |no such file"):
-            run(changed(content, path), tmp_path)
-    assert run(changed(content, path, named.get(path)), tmp_path) != run(content, tmp_path)
-    assert run(content, tmp_path) == run(content, tmp_path)
+            run(changed(content, path))
+    assert run(changed(content, path, named.get(path))) != usual_run(file)
+
+
+@pytest.mark.parametrize("file", PLANS)
+def test_a_plan_left_as_it_is_changes_nothing(file):
+    """Control of the test before."""
+    assert run(read_yaml(CONFIG / file)) == usual_run(file)
 
 
 class Rolling:

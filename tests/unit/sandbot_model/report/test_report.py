@@ -26,7 +26,7 @@ from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.physics.walking import Inputs
-from sandbot_model.report import text, write_comparison, write_report
+from sandbot_model.report import atlas_section, text, write_comparison, write_report
 from sandbot_model.report.curves import steps
 from sandbot_model.report.data_section import cells_csv, data, json_download
 from sandbot_model.report.in_words import in_three_sentences
@@ -90,6 +90,12 @@ def page(tmp_path_factory, discovery, trials):
     return path.read_text(encoding="utf-8")
 
 
+@pytest.fixture
+def one_plate(monkeypatch):
+    """The atlas is cut to one plate: eleven take ten times as long as the rest of a page."""
+    monkeypatch.setattr(atlas_section, "PLATES", atlas_section.PLATES[:1])
+
+
 def without_plotly(page):
     """The page without the library, which is large and has addresses in its comments."""
     longest = max(re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL), key=len)
@@ -106,6 +112,7 @@ def table(page, heading):
     return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", section[: section.index("</section>")]))
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_formulas_of_the_effects_are_typeset(page, fits, tmp_path, trials):
     """One effect in the last step: the catalogue's statements, each on its line, and where they are seen; the base
     model alone has none.
@@ -149,6 +156,7 @@ def head_of(path):
     return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", page[page.index("<header>") : page.index("</header>")]))
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery, fits, trials):
     """Of a set that is identified, and of all that can't be told apart; control: nothing is named."""
     identified = replace(
@@ -183,6 +191,7 @@ def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery
     assert "grains" not in none
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fits, trials):
     other = compare(cells_of(trials), EFFECTS, ["cable_drag"])[-1]
     write_report(tmp_path / "r.html", replace(discovery, fits=(fits[-1], other)), trials, title="r")
@@ -197,6 +206,7 @@ def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fi
     assert "Error of each model" in page
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_a_verdict_depends_on_a_robot_nobody_named(tmp_path, discovery, fits, trials):
     def head(status, robot):
         found = replace(discovery, verdict=Verdict(status, (), (), "no set fits"), steps=fits[:1])
@@ -273,6 +283,7 @@ def test_no_two_things_on_the_page_have_one_name(page):
     assert len(names) == len(set(names))
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_one_step_needs_no_slider(tmp_path, fits, trials):
     write_comparison(tmp_path / "one.html", fits[:1], trials, title="one")
     assert 'id="rung"' not in without_plotly((tmp_path / "one.html").read_text(encoding="utf-8"))
@@ -336,6 +347,7 @@ def test_a_residual_has_the_digits_of_its_standard_error(discovery):
     assert "-0.052 cm" in fails(fit, 1)
 
 
+@pytest.mark.usefixtures("one_plate")
 def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):
     write_comparison(tmp_path / "c.html", fits, trials, title="c")
     page = (tmp_path / "c.html").read_text(encoding="utf-8")

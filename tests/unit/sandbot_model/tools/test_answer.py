@@ -65,12 +65,28 @@ def two(drawn):
 
 
 @pytest.fixture(scope="module")
-def brief(tmp_path_factory):
+def of_example():
+    """Runs discover on the example and returns what it prints; the search is the same, and done once."""
+    known = []
+
+    def once(*arguments, **named):
+        known[:] = known or [discover(*arguments, **named)]
+        return known[0]
+
+    def run(*options):
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as told:
+            patch.setattr("sandbot_model.discovery.discover.discover", once)
+            assert discover_tool.main([str(EXAMPLE), *FEW, *map(str, options)]) == 0
+        return told.getvalue()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def brief(tmp_path_factory, of_example):
     """What discover prints of the example, and its JSON."""
-    path, told = tmp_path_factory.mktemp("brief") / "d.json", io.StringIO()
-    with redirect_stdout(told):
-        assert discover_tool.main([str(EXAMPLE), *FEW, "--json", str(path)]) == 0
-    return told.getvalue(), json.loads(path.read_text())
+    path = tmp_path_factory.mktemp("brief") / "d.json"
+    return of_example("--json", path), json.loads(path.read_text())
 
 
 @pytest.mark.slow
@@ -234,8 +250,8 @@ def test_of_an_effect_without_parameters_it_is_said_that_none_is_fitted(two, dec
 
 
 @pytest.mark.slow
-def test_verbose_prints_all(printed, brief):
-    less, all_of_it = brief[0], printed(discover_tool, EXAMPLE, *FEW, "--verbose")
+def test_verbose_prints_all(of_example, brief):
+    less, all_of_it = brief[0], of_example("--verbose")
     for part in ("absent, at 95 %", "mean speed and step from lift", "delta_t_s", "motor_saturation", "crater_refill"):
         assert part in all_of_it
     assert "more (--verbose)" in less
