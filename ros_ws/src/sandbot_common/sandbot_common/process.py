@@ -35,7 +35,7 @@ def own_name() -> str:
 
 
 def awaits_disk(pid: int) -> bool:
-    """Whether a thread of the process waits for a disk that has not answered yet; until then not even a kill ends it."""
+    """Whether a thread of the process waits for a disk that does not answer; until it does not even a kill ends it."""
     tasks = (_PROC / f"{pid}/task").glob("*")
     return any(_stat(f"{pid}/task/{task.name}")[_STATE : _STATE + 1] == [_BLOCKED] for task in tasks)
 
