@@ -180,6 +180,16 @@ def test_who_was_held_up_until_just_now_is_asked_again(why):
     assert asked([why, "running"], time.monotonic()) == [REFUSED_S[why]]
 
 
+def test_who_was_held_up_and_then_stopped_before_the_trial_is_asked_until_both_are_over():
+    """A bed that was frozen in the last trial, whose stop it has just obeyed."""
+    waited = asked([STOPPED, OLD, "running"], time.monotonic() - 2.0)
+    assert waited == [pytest.approx(STOPPED_S - 2.0, abs=0.9), REFUSED_S[OLD]]
+    with pytest.raises(TrialFailed, match="held up until just now"):
+        asked([OLD, OLD], time.monotonic())
+    with pytest.raises(StoppedByHand):
+        asked([OLD, STOPPED, STOPPED], time.monotonic() - 60.0)
+
+
 def test_a_stop_before_the_trial_is_waited_for_and_a_later_one_holds():
     """The end of the last trial, or a person before Go, are no reason to end this one."""
     (waited_s,) = asked([STOPPED, "running"], time.monotonic() - 2.0)

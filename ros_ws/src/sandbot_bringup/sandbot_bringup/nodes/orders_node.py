@@ -49,11 +49,12 @@ class Orders:
         ``since_s``: when the trial began [s, monotonic]. A stop before it does not count, and is waited for until it is
         over; raises StoppedByHand after a later one.
         """
-        answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
-        if answer and answer.message in REFUSED_S:
+        refused = set(REFUSED_S)
+        # A node that was held up and then stopped says so one after the other.
+        while (answer := self._ask(self._triggers[name], Trigger.Request(), name, begun)) and answer.message in refused:
+            refused.remove(answer.message)
             again_s = since_s + STOPPED_S if answer.message == STOPPED else math.inf
             self._wait(lambda: False, min(REFUSED_S[answer.message], max(again_s - time.monotonic(), 0.0)))
-            answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
         if answer and answer.message == STOPPED:
             raise StoppedByHand(f"stopped by hand before {name}")
         if answer and not answer.success:
