@@ -16,7 +16,8 @@ from sandbot_tracking.nodes.camera_node import CameraNode
 def camera(frames, *, is_device):
     one = object.__new__(CameraNode)
     one._source = SimpleNamespace(is_device=is_device, read=lambda: next(frames))
-    one._health, one._timer = SimpleNamespace(level=0, text="ok", settled=True), SimpleNamespace(cancel=lambda: frames.close())
+    one._health = SimpleNamespace(level=0, text="ok", settled=True)
+    one._timer = SimpleNamespace(cancel=lambda: frames.close())
     one._frames, one._frame, one._info, one._stamp_ns = 1, "dorsal_optical_frame", None, lambda: 1
     one._image = SimpleNamespace(publish=lambda _: None)
     return one

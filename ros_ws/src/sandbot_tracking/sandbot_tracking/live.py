@@ -19,7 +19,7 @@ from sandbot_tracking.camera_clock import NANO, CameraClock
 from sandbot_tracking.frame_times import FrameTimes
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.marker_tracker import Marks
-from sandbot_tracking.offline import Axles, OfflineTracker, Sample
+from sandbot_tracking.offline import Axles, OfflineTracker, Sample, check_size
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
 from sandbot_tracking.speed import HarmonicSpeed
@@ -188,6 +188,7 @@ class LiveTracker:
     def frame(self, camera: str, t_ns: int, pixels: Frame, received_ns: int) -> list[tuple[int, Sample]]:
         """Add one camera's frame (mono8), its stamp and reception time; returns the samples ready, on robot time."""
         view = self.views[camera]
+        check_size(pixels, self._cameras[camera], camera)  # first: a camera set to another size gives no frames
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
         tracker = self.tracker
