@@ -44,12 +44,12 @@ def test_cameras_without_a_dorsal_one_are_refused_in_one_line(domain, tmp_path, 
 
 def test_a_camera_is_blind_once_no_frame_could_be_used_for_a_while():
     unusable = tracker_node.Unusable()
-    unusable.add("dorsal", "0 bytes are not a picture", 1.0)
+    unusable.add("dorsal", "dorsal: 0 bytes are not a picture", 1.0)
     unusable.used("dorsal")
-    unusable.add("dorsal", "0 bytes are not a picture", 9.0)  # one in a while is damaged
+    unusable.add("dorsal", "dorsal: 0 bytes are not a picture", 9.0)  # one in a while is damaged
     assert unusable.blind == ""
-    unusable.add("lateral", "frames of 320x240 px", 9.0)
-    unusable.add("lateral", "frames of 320x240 px", 9.0 + tracker_node._BLIND_S)
+    unusable.add("lateral", "lateral: frames of 320x240 px", 9.0)
+    unusable.add("lateral", "lateral: frames of 320x240 px", 9.0 + tracker_node._BLIND_S)
     assert unusable.blind == "lateral: frames of 320x240 px"
     unusable.used("lateral")
     assert unusable.blind == ""
@@ -69,7 +69,7 @@ def test_a_tracker_tells_of_a_camera_whose_frames_it_cannot_use(tracker, beside)
         beside.wait(lambda: told, 0.2)
         return bool(told) and told[-1].level[0] == level and text in told[-1].message
 
-    small = "dorsal camera: frames of 320x240 px, but it is calibrated for 640x480"
+    small = "dorsal: frames of 320x240 px, but it is calibrated for 640x480"
     beside.until(lambda: says(2, 2, small))
     beside.until(lambda: says(1, 1, small))  # until the next trial begins
     assert tracker.poll() is None

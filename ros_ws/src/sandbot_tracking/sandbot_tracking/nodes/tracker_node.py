@@ -40,7 +40,7 @@ class Unusable:
     def add(self, camera: str, why: str, now_s: float) -> None:
         """A frame could not be used."""
         since_s, _, _ = self._last.get(camera, (now_s, now_s, why))
-        self._last[camera] = since_s, now_s, f"{camera}: {why}"
+        self._last[camera] = since_s, now_s, why
 
     def used(self, camera: str) -> None:
         """A frame was used."""
@@ -137,8 +137,8 @@ class TrackerNode(Node):
             self._publish_samples(self._live.frame(camera, stamp, pixels, self._now_ns()))
             self._unusable.used(camera)
         except InputError as error:
-            self._unreadable = f"{camera}: {error}"
-            self._unusable.add(camera, str(error), time.monotonic())
+            self._unreadable = f"{camera}: {str(error).removeprefix(f'{camera} camera: ')}"
+            self._unusable.add(camera, self._unreadable, time.monotonic())
             self.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
 
     def _led(self, header: Any) -> None:
