@@ -68,6 +68,7 @@ class LiveView:
         Two frames of a running camera differ in their noise, even of a robot at rest: identical pixels are an old frame
         that the camera or its driver sends again.
         """
+        self.clock.stamped(t_ns, received_ns)
         repeated = self._last is not None and np.array_equal(self._last, pixels)
         self._last = pixels
         if not self.times.add(t_ns, repeated=repeated):
@@ -75,7 +76,12 @@ class LiveView:
             return False
         self.frozen = 0
         lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
+        settings = self.clock.settings
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
+        if self.clock.settings > settings:
+            # Stamped by the clock as it was: what is found out about it now does not apply to them.
+            self.unplaced += len(self.held)
+            self.held.clear()
         return True
 
     @property
