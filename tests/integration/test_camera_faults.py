@@ -125,6 +125,14 @@ def test_what_can_be_mended_gives_the_same_row(trial, row, tmp_path, change):
     assert other.lift_m == pytest.approx(row.lift_m, abs=2e-4)
 
 
+@pytest.mark.parametrize("by_s", [-2.0, -0.3, 3.0])
+def test_a_single_stamp_that_is_wrong_costs_a_frame(trial, row, tmp_path, by_s):
+    wrong = len(trial.frame_s) // 2
+    other = trial.row(tmp_path, lambda name, number, t_s, pixels: (t_s + by_s * (number == wrong), pixels))
+    assert other.status == "ok"
+    assert other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.01)
+
+
 @pytest.mark.parametrize("since_s", [-STANDING_S, 0.8])
 def test_pictures_sent_twice_with_advancing_stamps_give_the_same_row(trial, row, tmp_path, since_s):
     """A camera at half the rate behind a driver that keeps the nominal one."""

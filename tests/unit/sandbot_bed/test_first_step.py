@@ -70,5 +70,5 @@ def test_an_abort_outlives_a_preparation_that_was_asked_for_before_it_and_no_lat
     stages.clear()
     answer = one._on_prepare(None, TRIGGER)
     assert (answer.success, answer.message, stages) == (False, STOPPED, [])
-    one._standstill = Standstill(time.monotonic(), time.monotonic() - 0.1, STOPPED)
+    one._standstill = Standstill(time.monotonic(), {STOPPED: time.monotonic() - 0.1})
     assert one._on_prepare(None, TRIGGER).success

@@ -121,6 +121,17 @@ def test_a_driver_whose_cable_is_out_ends_the_trial(hearing, driver):
     assert not hearing.fault()
 
 
+def test_a_tracker_that_is_blind_ends_the_trial(hearing):
+    """Legs walked on for seconds, and the trial was lost all the same."""
+    tell = messages.diagnostics
+    hearing._on_diagnostics(tell(1, "tracker", {}, level=1, text="dorsal: the image is frozen"))
+    assert not hearing.fault()
+    hearing._on_diagnostics(tell(1, "tracker", {}, level=2, text="dorsal: frames of 320x240 px"))
+    assert hearing.fault() == "the tracker is blind: dorsal: frames of 320x240 px"
+    hearing._on_diagnostics(tell(1, "tracker", {}, level=2, text="ended: SIGINT"))
+    assert hearing.unplugged() == []
+
+
 @pytest.mark.parametrize("level", [0, 2])
 def test_who_has_lost_a_device_is_not_told_to_start_its_driver(hearing, node, level):
     gate = Gate(node, hearing, SimpleNamespace(is_offered=lambda _: True), lambda condition, _: condition())

@@ -53,6 +53,9 @@ class Orders:
     def get(self, node, names):
         return {name: LAUNCHED[node][name] for name in names}
 
+    def await_answers(self):
+        self.asked.append("answers")
+
     def send_values(self, node, values):
         self.values[node] = values
         return type("Answer", (), {"done": lambda _: True})()
@@ -177,6 +180,16 @@ def test_who_was_held_up_until_just_now_is_asked_again(why):
     assert asked([why, "running"], time.monotonic()) == [REFUSED_S[why]]
 
 
+def test_who_was_held_up_and_then_stopped_before_the_trial_is_asked_until_both_are_over():
+    """A bed that was frozen in the last trial, whose stop it has just obeyed."""
+    waited = asked([STOPPED, OLD, "running"], time.monotonic() - 2.0)
+    assert waited == [pytest.approx(STOPPED_S - 2.0, abs=0.9), REFUSED_S[OLD]]
+    with pytest.raises(TrialFailed, match="held up until just now"):
+        asked([OLD, OLD], time.monotonic())
+    with pytest.raises(StoppedByHand):
+        asked([OLD, STOPPED, STOPPED], time.monotonic() - 60.0)
+
+
 def test_a_stop_before_the_trial_is_waited_for_and_a_later_one_holds():
     """The end of the last trial, or a person before Go, are no reason to end this one."""
     (waited_s,) = asked([STOPPED, "running"], time.monotonic() - 2.0)
@@ -251,6 +264,71 @@ def test_what_a_plan_says_of_the_bed_holds_for_its_own_campaign_alone():
     assert one._orders.values["clock"] == {"max_run_s": 30.0}
     told = json.loads(trial_message(one._plan, TRIAL, Robot(), 0, one._bed))
     assert told["bed"] == {name: set_up[name] for name in set_up if name != "target_phi"}
+
+
+def test_a_trial_begins_when_the_stops_of_the_last_one_have_been_obeyed(tmp_path):
+    """A bed that was frozen obeys them seconds after it resumes, and would abort what this trial prepares."""
+    one, folder, began = operator(), CampaignFolder(tmp_path / "live"), {}
+    folder.path.mkdir()
+    one._begun_s, one._wait, one._running = math.nan, lambda *_: True, ""
+    one._gate.before_trial = lambda *_: one._orders.asked.append("gate")
+    one._orders.await_answers = lambda: one._orders.asked.append("answers") or began.update(s=one._begun_s)
+
+    def set_up(_):
+        raise TrialFailed("far enough")
+
+    one._set_up = set_up
+    with pytest.raises(TrialFailed, match="far enough"):
+        one.run(TRIAL, folder, [])
+    assert one._orders.asked == ["gate", "answers"]  # a frozen bed doesn't pass the gate
+    assert math.isnan(began["s"])
+    assert math.isfinite(one._begun_s)
+
+
+@pytest.mark.parametrize("why", ["killed by SIGKILL", "recorded 9 messages; stopped: No space left on device: /bag"])
+def test_of_a_recorder_that_could_not_close_its_bag_the_reason_is_said(tmp_path, why):
+    one, folder = operator(), CampaignFolder(tmp_path / "live")
+    folder.path.mkdir()
+    one._set_up, one._wait = lambda _: None, lambda *_: True
+    one._run = lambda *_: SimpleNamespace(code=1, why_ended=why)
+    with pytest.raises(TrialFailed) as failed:
+        one.run(TRIAL, folder, [])
+    assert str(failed.value) == f"the recorder ended: {why}; its bag is {folder.partial(TRIAL.trial_id)}"
+
+
+@pytest.mark.parametrize(
+    ("looks", "asked", "stages", "killed"),
+    [
+        (["closed"], False, 0, False),
+        (["busy"], False, 0, True),
+        (["blocked", "blocked", "closed"], False, 2, False),
+        (["blocked", "busy"], False, 1, True),
+        (["blocked"], True, 0, False),  # Ctrl-C: it closes its bag once the disk answers
+    ],
+)
+def test_a_recorder_is_not_killed_for_a_disk_that_does_not_answer(looks, asked, stages, killed):
+    one, seen, entered, kills = operator(), iter(looks), [], []
+
+    def spin(condition, _):
+        vars(recorder).update(ended=(now := next(seen)) == "closed", awaits_disk=now == "blocked")
+        return condition()
+
+    recorder = SimpleNamespace(ended=False, awaits_disk=False, tell=lambda _: None, kill=kills.append)
+    one._spin_until, one.desk = spin, SimpleNamespace(enter=entered.append)
+    one._stop = SimpleNamespace(asked=asked)
+    one._end_recording(recorder, "ok")
+    assert entered == ["closing the bag: its disk does not answer"] * stages
+    assert kills == ["its bag was not closed within 30 s"] * killed
+    assert next(seen, None) is None
+
+
+def test_a_bag_that_is_still_open_when_the_campaign_ends_is_no_finished_trial(tmp_path):
+    one, folder = operator(), CampaignFolder(tmp_path / "live")
+    folder.path.mkdir()
+    one._set_up, one._wait = lambda _: None, lambda *_: True
+    one._run = lambda *_: SimpleNamespace(code=None)
+    with pytest.raises(TrialFailed, match="its disk does not answer; the recorder is left to close "):
+        one.run(TRIAL, folder, [])
 
 
 def run(tmp_path, damage):

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.task import Future
 
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bringup.endings import TrialFailed
 from sandbot_bringup.nodes import orders_node
 from sandbot_bringup.nodes.orders_node import Orders
 from sandbot_common.ros.ros_parameters import Parameters
+from sandbot_common.standstill import AWAKE_S
 
 pytestmark = pytest.mark.ros
 SHORT = {"settle_s": 0.4, "average_s": 0.2}
@@ -62,3 +64,23 @@ def test_legs_that_a_person_has_stopped_since_are_not_started_again_for_a_lost_a
     else:
         one.call("/clock/start", lambda: True)
         assert [begun() for begun in given] == [True]
+
+
+def test_a_stop_that_was_sent_is_waited_for_until_it_is_obeyed_or_too_old_to_be():
+    answers, waited = [Future(), Future()], []
+    sent = iter(answers)
+
+    def wait(condition, seconds):
+        waited.append((condition(), seconds))
+        for answer in answers:
+            answer.set_result(None)
+        waited.append((condition(), seconds))
+
+    orders = Orders(SimpleNamespace(create_client=lambda *_: SimpleNamespace(call_async=lambda _: next(sent))), wait)
+    orders.send("/clock/stop")
+    orders.send("/bed/abort")
+    answers[0].set_result(None)  # the bed is frozen
+    orders.await_answers()
+    assert waited == [(False, AWAKE_S), (True, AWAKE_S)]
+    orders.await_answers()  # what has been waited for once is not waited for again
+    assert waited[2:] == [(True, AWAKE_S)] * 2

@@ -40,6 +40,18 @@ def test_who_was_killed_has_no_last_words_to_wait_for(end, over, tmp_path, monke
     assert recorder.ended
 
 
+def test_of_a_recorder_that_we_killed_the_reason_is_ours(tmp_path, monkeypatch):
+    script = tmp_path / "python"
+    script.write_text("#!/bin/sh\nexec sleep 60\n")
+    script.chmod(0o755)
+    monkeypatch.setattr(recorder_process.sys, "executable", str(script))
+    recorder = RecorderProcess(tmp_path / "bag", "none", [])
+    assert not recorder.awaits_disk
+    recorder.kill("its bag was not closed within 30 s")
+    recorder._reader.join(60)
+    assert recorder.why_ended == "its bag was not closed within 30 s"
+
+
 @pytest.mark.parametrize("images", ["none", "jpeg"])
 def test_the_recorder_takes_what_it_is_told(images, tmp_path, monkeypatch):
     told = []

@@ -53,7 +53,7 @@ def test_a_stop_outlives_a_start_that_was_asked_for_before_it_and_no_later_one()
     assert one._on_stop(None, SimpleNamespace()).message == "was not running"
     assert one._on_start(None, SimpleNamespace()) == SimpleNamespace(success=False, message=STOPPED)
     assert (started, cancelled) == ([], [True])
-    one._standstill = Standstill(time.monotonic(), time.monotonic() - 0.1, STOPPED)
+    one._standstill = Standstill(time.monotonic(), {STOPPED: time.monotonic() - 0.1})
     assert one._on_start(None, SimpleNamespace()).success
     assert started == [True]
 

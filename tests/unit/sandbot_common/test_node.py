@@ -1,6 +1,7 @@
 import dataclasses
 import math
 import os
+import pwd
 import signal
 import subprocess
 import sys
@@ -108,6 +109,19 @@ def test_a_slip_behind_ros_args_is_one_line(slip, said, capfd):
     assert said in err
     assert "/project/" not in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("given", [None, "/dev/null"])
+def test_who_has_no_home_starts_with_the_one_the_system_knows(given):
+    """As a service of the system; a home that is given is kept, though it can't be one."""
+    code = "from sandbot_common.ros import node; import os; node.start_ros([]); print(os.environ['HOME'])"
+    places = {"HOME", "ROS_HOME", "ROS_LOG_DIR"}
+    env = {name: value for name, value in os.environ.items() if name not in places} | ({"HOME": given} if given else {})
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
+    if given is None:
+        assert (done.stdout, done.stderr) == (f"{pwd.getpwuid(os.getuid()).pw_dir}\n", "")
+    else:
+        assert "/dev/null/.ros/log" in done.stderr
 
 
 def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():

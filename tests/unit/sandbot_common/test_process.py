@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from sandbot_common.process import Neighbour, own_name
+from sandbot_common.process import Neighbour, awaits_disk, own_name
 
 TELL = "from sandbot_common.process import own_name; print(own_name(), flush=True); input()"
 
@@ -41,6 +41,21 @@ def test_a_process_lives_is_frozen_lives_again_and_is_gone(other):
     process.wait()
     assert one.fault == "is gone"
     assert Neighbour.of(name) is None
+
+
+BLOCKED = "import ctypes, time; ctypes.PyDLL(None).vfork() or time.sleep(600)"
+"""It waits in the kernel, as for a disk, until what it has started lets go of its memory."""
+
+
+def test_who_waits_in_the_kernel_waits_for_a_disk_and_who_waits_for_a_line_does_not(other):
+    assert not awaits_disk(other[0].pid)
+    process = subprocess.Popen([sys.executable, "-c", BLOCKED], start_new_session=True)
+    try:
+        until(lambda: awaits_disk(process.pid))
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert not awaits_disk(process.pid)  # gone
 
 
 def test_a_number_used_again_is_another_process():

@@ -82,6 +82,17 @@ def test_of_several_topics_the_one_with_two_publishers_is_named():
     assert rivals.fault() == "bed and replay both publish /bed/volume_fraction"
 
 
+@pytest.mark.parametrize("pictures", [topics.DORSAL_IMAGE, topics.LATERAL_JPEG])
+def test_two_cameras_of_one_view_are_rivals(pictures):
+    """Their pictures were tracked as those of one: a speed a fifth too high, in a row that was ok."""
+    graph = Graph("dorsal_camera")
+    names = {pictures.relative: ["dorsal_camera", "usb_cam"]}
+    graph.count_publishers = lambda name: len(names.get(name, graph.names))
+    graph.get_publishers_info_by_topic = lambda name: [endpoint(len(one), one) for one in names[name]]
+    rivals = command_node.Rivals(graph, *topics.MEASURED)
+    assert rivals.fault() == f"dorsal_camera and usb_cam both publish {pictures.name}"
+
+
 def test_the_graph_is_not_looked_at_for_every_set_point(monkeypatch):
     now_s = [1.0]
     monkeypatch.setattr(command_node.time, "monotonic", lambda: now_s[0])

@@ -65,6 +65,16 @@ def test_a_stop_shortens_no_other_refusal():
     assert REFUSED_S[BEGUN] < REFUSED_S[STOPPED] < REFUSED_S[OLD]
 
 
+def test_a_stop_is_told_for_as_long_as_it_counts_and_no_longer():
+    """The longer refusal of a loop that stood still is no stop: a campaign would take it for one by hand."""
+    loop = turning()
+    loop.turn(THAWED_S)
+    loop.stop(THAWED_S)
+    loop.turn(THAWED_S + 0.1)
+    said = [loop.refusal(THAWED_S + second) for second in (0.1, STOPPED_S, STOPPED_S + 0.1, AWAKE_S)]
+    assert said == [STOPPED, STOPPED, OLD, OLD]
+
+
 def test_who_asks_again_is_obeyed():
     loop = turning()
     assert loop.refusal(THAWED_S)

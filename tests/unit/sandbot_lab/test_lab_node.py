@@ -213,3 +213,18 @@ def test_legs_that_come_in_mid_gait_move_when_they_have_been_told_rest(lab, besi
     beside.wait(lambda: False, 0.1)
     rate[0] = 16.0
     beside.until(lambda: heard["/leg_states"])
+
+
+@pytest.mark.parametrize("images", ["true", "false"])
+def test_a_lab_without_cameras_leaves_the_pictures_to_others(beside, domain, images):
+    command = [sys.executable, "-m", "sandbot_lab.nodes.lab_node", "--ros-args", "-p", f"images:={images}"]
+    heights = []
+    endpoints.subscription(beside.node, topics.BED_HEIGHT, heights.append)
+    process = subprocess.Popen(command)
+    try:
+        beside.until(lambda: heights)
+        filming = [beside.node.count_publishers(view.image.relative) for view in topics.VIEWS.values()]
+        assert filming == [1, 1] if images == "true" else filming == [0, 0]
+    finally:
+        process.terminate()
+        process.wait(30)

@@ -42,6 +42,39 @@ def test_cameras_without_a_dorsal_one_are_refused_in_one_line(domain, tmp_path, 
     assert capfd.readouterr().err.endswith(f"error: {file}: no 'dorsal' camera in it\n")
 
 
+def test_a_camera_is_blind_once_no_frame_could_be_used_for_a_while():
+    unusable = tracker_node.Unusable()
+    unusable.add("dorsal", "dorsal: 0 bytes are not a picture", 1.0)
+    unusable.used("dorsal")
+    unusable.add("dorsal", "dorsal: 0 bytes are not a picture", 9.0)  # one in a while is damaged
+    assert unusable.blind == ""
+    unusable.add("lateral", "lateral: frames of 320x240 px", 9.0)
+    unusable.add("lateral", "lateral: frames of 320x240 px", 9.0 + tracker_node._BLIND_S)
+    assert unusable.blind == "lateral: frames of 320x240 px"
+    unusable.used("lateral")
+    assert unusable.blind == ""
+
+
+def test_a_tracker_tells_of_a_camera_whose_frames_it_cannot_use(tracker, beside):
+    sections, told = read_yaml(config_folder() / "cameras.yaml"), []
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.extend(message.status))
+    image = endpoints.publisher(beside.node, topics.DORSAL_IMAGE)
+    beside.until(image.get_subscription_count)
+    camera = LabCamera("dorsal", sections["dorsal"], 3, HIGH)
+
+    def says(every, level, text):
+        frame = np.ascontiguousarray(camera.render(X_M, Z_M)[::every, ::every])
+        told.clear()
+        image.publish(messages.image(beside.node.get_clock().now().nanoseconds, "dorsal", frame))
+        beside.wait(lambda: told, 0.2)
+        return bool(told) and told[-1].level[0] == level and text in told[-1].message
+
+    small = "dorsal: frames of 320x240 px, but it is calibrated for 640x480"
+    beside.until(lambda: says(2, 2, small))
+    beside.until(lambda: says(1, 1, small))  # until the next trial begins
+    assert tracker.poll() is None
+
+
 def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
     sections = read_yaml(config_folder() / "cameras.yaml")
     shown = ((topics.DORSAL_IMAGE, "dorsal"), (topics.LATERAL_IMAGE, "lateral"))

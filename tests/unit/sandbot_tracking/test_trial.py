@@ -294,3 +294,13 @@ def test_steps_that_are_only_irregular_blame_no_clock(rng):
         fold._check_in_step(number, np.sin(np.pi * (number % 1.0)) ** 2 * np.cos(2 * np.pi * (number - late)))
     with pytest.raises(NotMeasured, match=r"1\.01 ± .* % longer"):
         fold._check_in_step(number, np.sin(np.pi * (0.99 * number % 1.0)) ** 4)
+
+
+@pytest.mark.parametrize("rests", [[0.0, np.nan, 0.1, np.nan], [0.0, 0.05, 0.1, 0.15]])
+def test_a_film_in_which_no_step_has_both_its_ends_has_no_peak_and_no_warning(rests):
+    t_s = np.linspace(0.0, 3.0, 300)
+    if np.isfinite(rests).all():
+        assert fold.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests)) == pytest.approx(0.05)
+        return
+    with pytest.raises(NotMeasured, match="0 frames in steady steps"):
+        fold.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import topics
+from sandbot_common.process import awaits_disk
 
 _FRAMES = {view.image for view in topics.VIEWS.values()}
 _ENCODED = {view.jpeg for view in topics.VIEWS.values()}
@@ -35,7 +36,7 @@ class RecorderProcess:
             text=True,
             start_new_session=True,
         )
-        self.ready, self.last_line = False, ""
+        self.ready, self.last_line, self._killed = False, "", ""
         self._reader = threading.Thread(target=self._read, name="recorder", daemon=True)
         self._reader.start()
 
@@ -59,14 +60,21 @@ class RecorderProcess:
         return found is not None
 
     @property
+    def awaits_disk(self) -> bool:
+        """Whether it waits for a disk that does not answer."""
+        return awaits_disk(self.pid)
+
+    @property
     def code(self) -> int | None:
         """Its exit code, once it has ended."""
         return self._process.poll()
 
     @property
     def why_ended(self) -> str:
-        """Its last line of output, or the signal that killed it."""
+        """Its last line of output, or the signal that killed it, or why we did."""
         code = self.code or 0
+        if self._killed:
+            return self._killed
         return f"killed by {signal.Signals(-code).name}" if code < 0 else self.last_line
 
     def tell(self, exit_status: str) -> None:
@@ -78,8 +86,9 @@ class RecorderProcess:
         except OSError:
             pass  # it has ended by itself
 
-    def kill(self) -> None:
+    def kill(self, why: str) -> None:
         """Kill it; `recover` can restore what was flushed."""
+        self._killed = why
         self._process.kill()
         self._process.wait()
 

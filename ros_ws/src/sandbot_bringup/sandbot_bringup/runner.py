@@ -1,5 +1,6 @@
 """Run a campaign in batch: trials in parallel, with progress, resumable, stopped cleanly by Ctrl-C."""
 
+import errno
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
@@ -14,6 +15,9 @@ from sandbot_common.crew import Crew
 Job = Callable[[PlannedTrial, int], Path]
 """Runs one trial, given its wall-clock start [ns], and returns its bag."""
 
+_TAKES_NOTHING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+"""Errors of a full or write-protected disk, which the next trials would meet only after all their work."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -26,7 +30,7 @@ class Outcome:
 
 
 def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
-    """Run ``job`` on every trial. A failing trial does not stop the others.
+    """Run ``job`` on every trial. A failing trial does not stop the others, unless the disk takes nothing more.
 
     On Ctrl-C the trials under way are finished, no new one is begun, and KeyboardInterrupt propagates to the caller.
     """
@@ -53,6 +57,10 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
                     if (error := future.exception()) is not None:
                         cut_short = cut_short or isinstance(error, OSError)
                         failed.append((trial.trial_id, f"{type(error).__name__}: {error}"))
+                        if isinstance(error, OSError) and error.errno in _TAKES_NOTHING:
+                            failed[-1] = trial.trial_id, _no_room(error)
+                            failed += [(each.trial_id, _no_room(error)) for each in reversed(waiting)]
+                            waiting.clear()
                     else:
                         finished.append(trial.trial_id)
                     bar.update()
@@ -64,3 +72,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
             failed += [(trial.trial_id, f"{crew.lost}; resume to run it") for trial in lost]
             cut_short = True
     return Outcome(tuple(finished), tuple(failed), cut_short)
+
+
+def _no_room(error: OSError) -> str:
+    return f"can't be written: {error.strerror}; resume to run it"

@@ -140,7 +140,7 @@ def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
             _of(camera, what, values) for what in (health.LED_EDGES, health.CLOCK_JUMPS) for values in (before, after)
         )
         if jumps_after > jumps:
-            return f"the {camera} camera's clock disagrees with the LED (clock_jumps)"
+            return f"the {camera} camera's clock jumped, or disagrees with the LED (clock_jumps)"
         if edges and edges_after == edges:
             return f"the {camera} camera did not see the LED, so its clock is uncertain"
     return ""

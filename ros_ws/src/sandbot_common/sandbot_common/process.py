@@ -10,7 +10,7 @@ from pathlib import Path
 _PROC = Path("/proc")
 _STATE, _START = 0, 19
 """Indices into /proc/PID/stat after the command's name (proc(5), fields 3 and 22)."""
-_FROZEN, _ENDED = ("T", "t"), ("Z", "X", "x")
+_FROZEN, _ENDED, _BLOCKED = ("T", "t"), ("Z", "X", "x"), "D"
 _RESENDING = "dds.asyn"
 """Name of the Fast DDS thread that resends what a reader has missed."""
 _MIB = 1 << 20
@@ -32,6 +32,12 @@ def own_name() -> str:
     stat = _stat(pid)
     # With the start time, as PIDs are reused.
     return f"{_host()} {pid} {stat[_START]}" if stat else ""
+
+
+def awaits_disk(pid: int) -> bool:
+    """Whether a thread of the process waits for a disk that does not answer; until it does not even a kill ends it."""
+    tasks = (_PROC / f"{pid}/task").glob("*")
+    return any(_stat(f"{pid}/task/{task.name}")[_STATE : _STATE + 1] == [_BLOCKED] for task in tasks)
 
 
 def ask_for_real_time(priority: int) -> bool:

@@ -1,7 +1,7 @@
 """Requests that may be older than a stop, or than the process that receives them, must start nothing. Pure."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 LIMIT_S = 2.0
 """Shorter than any client's timeout; longer than a busy machine keeps a loop from a CPU."""
@@ -34,8 +34,8 @@ class Standstill:
     """
 
     _turned_s: float = math.nan
-    _until_s: float = -math.inf
-    _why: str = ""
+    _until_s: dict[str, float] = field(default_factory=dict)
+    """Until when nothing may begin, by the reason: one that lasts longer must not be told as the other."""
     woke_s: float = -math.inf
     held_s: float = 0.0
     """When it last resumed, and how long it had stood still."""
@@ -58,7 +58,8 @@ class Standstill:
         """Why nothing may begin (OLD, BEGUN or STOPPED); an empty string if it may."""
         # After a standstill the request may be handled before the timer that calls ``turn``.
         self.turn(now_s)
-        return self._why if now_s <= self._until_s else ""
+        # A stop first: a campaign that is told of it asks whether it was by hand.
+        return next((why for why in (STOPPED, OLD, BEGUN) if now_s <= self._until_s.get(why, -math.inf)), "")
 
     def _refuse(self, why: str, now_s: float) -> None:
-        self._until_s, self._why = max(self._until_s, now_s + REFUSED_S[why]), why
+        self._until_s[why] = now_s + REFUSED_S[why]

@@ -102,7 +102,8 @@ ALL = tuple(value for value in list(globals().values()) if isinstance(value, Top
 COMMANDS = (LEG_SETPOINTS, BED_BLOWER, OPERATOR_LEASE)
 """What legs and air obey."""
 MEASURED = (
-    TRIAL, LEG_SETPOINTS, LEG_STATES, SYNC_LED, BED_HEIGHT, BED_BLOWER, BED_PHI, BED_STATUS, *LANDMARKS.values()
+    TRIAL, LEG_SETPOINTS, LEG_STATES, SYNC_LED, BED_HEIGHT, BED_BLOWER, BED_PHI, BED_STATUS, *LANDMARKS.values(),
+    *(pictures for view in VIEWS.values() for pictures in (view.image, view.jpeg)),
 )  # fmt: skip
 """What a row of the trials table is computed from or judged by. Only one node may publish each of them: a message
 does not name its sender."""

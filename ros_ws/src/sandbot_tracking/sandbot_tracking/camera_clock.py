@@ -18,6 +18,10 @@ ARRIVALS = 20
 """Frames from whose arrival the offset of a camera without an LED is estimated."""
 SET_NS = NANO
 """A clock that goes back, or runs ahead of the arrival of all earlier frames, by more than this was set."""
+OLDER = 2
+"""Frames in a row, each older than the newest, that are no frames out of order but a clock that went back."""
+EARLY_NS = NANO // 20
+"""A frame that arrives earlier after its stamp than all before, by more than this, is of a clock that went ahead."""
 DRIFT = 1e-4
 """Largest relative drift between two clocks."""
 
@@ -34,6 +38,8 @@ class CameraClock:
         self.edges = self.missed = self.unannounced = self.jumps = 0
         """LED edges both seen and announced; announced only; seen only; contradicting earlier ones."""
         self.warning = ""
+        self.settings = 0
+        """How often the clock was set."""
         self._restart()
 
     def _restart(self) -> None:
@@ -48,6 +54,7 @@ class CameraClock:
         self._announced: tuple[int, int | None] | None = None
         """Robot time of the announced edge, and the stamp of the first frame after the announcement."""
         self._seen: tuple[int, int] | None = None
+        self._older = 0
 
     @property
     def half_width_ns(self) -> int | None:
@@ -61,6 +68,20 @@ class CameraClock:
         self._announced = robot_ns, None
         self._match()
 
+    def stamped(self, t_ns: int, received_ns: int) -> None:
+        """Any frame, also a repeated one, in order of arrival: whether the clock jumped by less than ``SET_NS``."""
+        if self._last is None or self._first_ns is None:
+            return
+        step = t_ns - self._last[0]
+        self._older = self._older + 1 if -SET_NS < step < 0 or (step == 0 and self._older) else 0
+        # The very first frames may all have waited for their reader.
+        early = EARLY_NS < t_ns - received_ns - self._ahead_ns < SET_NS and t_ns - self._first_ns > SET_NS
+        if self._older == OLDER or early:
+            self.jumps += 1
+            self.warning = "stamps jumped: what comes until the LED is seen is misplaced"
+            # What the LED has told holds no more.
+            self._bounds, self._ahead_ns = None, max(t_ns - received_ns, self._ahead_ns)
+
     def frame(self, t_ns: int, received_ns: int, robot_ns: int | None, lit: bool) -> None:
         """A frame of this stamp, received at a time of the host's clock when the robot's clock was ``robot_ns`` (None:
         unknown so far), with the LED lit or not.
@@ -73,6 +94,7 @@ class CameraClock:
                 self._restart()
                 self._announced = announced and (announced[0], None)
                 self.warning = "clock was set"
+                self.settings += 1
             elif step <= 0:
                 return
             elif lit and not self._last[1]:

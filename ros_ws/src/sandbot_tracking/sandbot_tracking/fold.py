@@ -78,8 +78,10 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     """
     number, x = _inside(t_s, x_m, edges_s)
     step = number.astype(int)
-    length = np.diff(rest_m)[step]
-    mean = float(np.nanmean(np.diff(rest_m))) if np.isfinite(rest_m).sum() > 1 else np.nan
+    lengths = np.diff(rest_m)
+    length = lengths[step]
+    # Of steps that were tracked to both their ends; there may be none.
+    mean = float(np.nanmean(lengths)) if np.isfinite(lengths).any() else np.nan
     seconds = float(np.median(np.diff(edges_s)))
     # Differences in step length are removed in proportion, which leaves the shape at the mean length.
     part = (x - rest_m[step]) - (length - mean) * _progress(number % 1.0, x - rest_m[step], length)

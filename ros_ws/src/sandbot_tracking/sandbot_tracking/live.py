@@ -19,7 +19,7 @@ from sandbot_tracking.camera_clock import NANO, CameraClock
 from sandbot_tracking.frame_times import FrameTimes
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.marker_tracker import Marks
-from sandbot_tracking.offline import Axles, OfflineTracker, Sample
+from sandbot_tracking.offline import Axles, OfflineTracker, Sample, check_size
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
 from sandbot_tracking.speed import HarmonicSpeed
@@ -68,6 +68,7 @@ class LiveView:
         Two frames of a running camera differ in their noise, even of a robot at rest: identical pixels are an old frame
         that the camera or its driver sends again.
         """
+        self.clock.stamped(t_ns, received_ns)
         repeated = self._last is not None and np.array_equal(self._last, pixels)
         self._last = pixels
         if not self.times.add(t_ns, repeated=repeated):
@@ -75,7 +76,12 @@ class LiveView:
             return False
         self.frozen = 0
         lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
+        settings = self.clock.settings
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
+        if self.clock.settings > settings:
+            # Stamped by the clock as it was: what is found out about it now does not apply to them.
+            self.unplaced += len(self.held)
+            self.held.clear()
         return True
 
     @property
@@ -188,6 +194,7 @@ class LiveTracker:
     def frame(self, camera: str, t_ns: int, pixels: Frame, received_ns: int) -> list[tuple[int, Sample]]:
         """Add one camera's frame (mono8), its stamp and reception time; returns the samples ready, on robot time."""
         view = self.views[camera]
+        check_size(pixels, self._cameras[camera], camera)  # first: a camera set to another size gives no frames
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
         tracker = self.tracker

@@ -194,14 +194,14 @@ class OfflineTracker:
 
     def see_body(self, t_s: float, frame: Frame) -> Marks:
         """The centre-of-mass marker in a dorsal frame; its time may be that of the camera's own clock."""
-        _check_size(frame, self._dorsal, "dorsal")
+        check_size(frame, self._dorsal, "dorsal")
         return self._body.update(frame, self._passed("dorsal", self._dorsal, t_s))
 
     def see_axles(self, t_s: float, frame: Frame) -> Axles:
         """The axles in a lateral frame, with its time likewise; NaN if there is no such camera."""
         if self._axles is None or self._lateral is None:
             return _UNSEEN
-        _check_size(frame, self._lateral, "lateral")
+        check_size(frame, self._lateral, "lateral")
         passed = self._passed("lateral", self._lateral, t_s)
         marks = self._axles.update(np.ascontiguousarray(frame.T) if self._sideways else frame, passed)
         xy_px, var_px2 = (xy[:, ::-1] if self._sideways else xy for xy in (marks.xy_px, marks.var_px2))
@@ -253,7 +253,7 @@ class OfflineTracker:
         )
 
 
-def _check_size(frame: Frame, camera: Camera, name: str) -> None:
+def check_size(frame: Frame, camera: Camera, name: str) -> None:
     """Raise InputError for a frame of another size than calibrated, which would give wrong positions."""
     if frame.shape[:2] != (camera.height, camera.width):
         rows, columns = frame.shape[:2]

@@ -4,9 +4,10 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from rclpy.serialization import serialize_message
 
-from sandbot_common import topics
-from sandbot_record.nodes.recorder_node import Recorder, Selection
+from sandbot_common import messages, topics
+from sandbot_record.nodes.recorder_node import Recorder, Selection, _provenance
 
 TOPICS = ["/talk", "/robot1/talk", "/robot10/talk", "/robot1"]
 
@@ -40,6 +41,18 @@ def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(f
         info = {"received_timestamp": received_ns, "source_timestamp": published_ns, "publication_sequence_number": 1}
         one._deliver(source, b"{}", info)
     assert put == kept
+
+
+def said_on_trial(text):
+    return bytes(serialize_message(messages.string(text)))
+
+
+@pytest.mark.parametrize("last", [b"", said_on_trial(""), said_on_trial("[]"), said_on_trial("{"), b"\x00\x01"])
+def test_how_a_trial_ended_is_kept_whatever_somebody_else_has_said_of_it(last):
+    assert _provenance(last, "the lab is gone") == {"trial": {"exit_status": "the lab is gone"}}
+    assert _provenance(last, "") == {}
+    record = _provenance(said_on_trial('{"trial_id": "phi0.6"}'), "the lab is gone")["trial"]
+    assert (record["id"], record["exit_status"]) == ("phi0.6", "the lab is gone")
 
 
 def test_a_recorder_notes_when_the_host_clock_is_set():

@@ -171,13 +171,16 @@ class Operator(Node):
         self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
         self._gate.before_trial(self._bed, folder)
+        self._orders.await_answers()
         self._running, self._begun_s = trial.trial_id, time.monotonic()
         self._set_up(trial)
         # Judging the bag takes a second of CPU and needs no lease.
         with real_time(PRIORITY):
             recorder = self._run(trial, partial, attachments)
+        if recorder.code is None:
+            raise TrialFailed(f"its disk does not answer; the recorder is left to close {partial}")
         if recorder.code != 0:
-            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {partial}")
+            raise TrialFailed(f"the recorder {ending(recorder.why_ended)}; its bag is {partial}")
         # Judged as for the table: a trial that is not ok there is not finished.
         row = checked_row(partial)
         folder.keep(trial)
@@ -264,9 +267,19 @@ class Operator(Node):
             raise TrialFailed("the recorder receives nothing, so the legs do not start; the next trial gets a new one")
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
+        """Wait until the bag is closed, however long its disk does not answer: a kill would tear the bag."""
         recorder.tell(ended)
-        if not self._spin_until(lambda: recorder.ended, CLOSE_S):
-            recorder.kill()
+        blocked: list[bool] = []
+
+        def over() -> bool:
+            blocked.append(recorder.awaits_disk)
+            return recorder.ended
+
+        while not self._spin_until(over, CLOSE_S) and any(blocked) and not self._ending:
+            self.desk.enter("closing the bag: its disk does not answer")
+            blocked.clear()
+        if not recorder.ended and not any(blocked):
+            recorder.kill(f"its bag was not closed within {CLOSE_S:g} s")
 
     def _prepare_bed(self) -> None:
         self.desk.enter("preparing the bed")

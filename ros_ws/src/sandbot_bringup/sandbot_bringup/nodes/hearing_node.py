@@ -195,9 +195,12 @@ class Hearing:
         return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
 
     def unplugged(self) -> list[str]:
-        """Phrases that name the drivers that have lost their device."""
+        """Phrases that name the drivers that have lost their device, and the camera whose frames can't be used."""
         drivers = ((who, self.statuses[who]) for who in DRIVERS if who in self.statuses)
-        return [f"{who} has lost its device: {status.text}" for who, status in drivers if status.level > 1]
+        lost = [f"{who} has lost its device: {status.text}" for who, status in drivers if status.level > 1]
+        tracker = self.statuses.get("tracker", NodeStatus())
+        blind = tracker.level > 1 and not has_ended(tracker.text)
+        return [*lost, *([f"tracker is blind: {tracker.text}"] if blind else [])]
 
     def _heard(self, who: str, topic: topics.Topic) -> None:
         self._supervisor.heard(who, topic.name, self.now_s)

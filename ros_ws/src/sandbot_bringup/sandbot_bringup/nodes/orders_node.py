@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_bringup.endings import StoppedByHand, TrialFailed
 from sandbot_common import topics
 from sandbot_common.ros.service import ask
-from sandbot_common.standstill import REFUSED_S, STOPPED, STOPPED_S
+from sandbot_common.standstill import AWAKE_S, REFUSED_S, STOPPED, STOPPED_S
 
 CALL_S = 10.0
 _TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
@@ -36,6 +36,7 @@ class Orders:
             name: node.create_client(SetParametersAtomically, f"{name}/set_parameters_atomically")
             for name in ("clock", "bed", "lab")
         }
+        self._unanswered: list[Future] = []
         self._getters = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in ("clock", "bed")}
 
     def is_offered(self, name: str) -> bool:
@@ -48,11 +49,12 @@ class Orders:
         ``since_s``: when the trial began [s, monotonic]. A stop before it does not count, and is waited for until it is
         over; raises StoppedByHand after a later one.
         """
-        answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
-        if answer and answer.message in REFUSED_S:
+        refused = set(REFUSED_S)
+        # A node that was held up and then stopped says so one after the other.
+        while (answer := self._ask(self._triggers[name], Trigger.Request(), name, begun)) and answer.message in refused:
+            refused.remove(answer.message)
             again_s = since_s + STOPPED_S if answer.message == STOPPED else math.inf
             self._wait(lambda: False, min(REFUSED_S[answer.message], max(again_s - time.monotonic(), 0.0)))
-            answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
         if answer and answer.message == STOPPED:
             raise StoppedByHand(f"stopped by hand before {name}")
         if answer and not answer.success:
@@ -60,7 +62,15 @@ class Orders:
 
     def send(self, name: str) -> None:
         """Call a service without waiting for the response."""
-        self._triggers[name].call_async(Trigger.Request())
+        self._unanswered.append(self._triggers[name].call_async(Trigger.Request()))
+
+    def await_answers(self) -> None:
+        """Wait for the responses to ``send``: a node that was frozen meanwhile obeys seconds after it resumes.
+
+        What it is asked next must not be taken for older than that stop. One that has ended never answers.
+        """
+        self._wait(lambda: all(answer.done() for answer in self._unanswered), AWAKE_S)
+        self._unanswered.clear()
 
     def set(self, node: str, values: Mapping[str, Any]) -> None:
         """Set a node's parameters atomically, as some are only valid together. Raises TrialFailed if it refuses."""

@@ -65,8 +65,8 @@ def command(argv: Sequence[str]) -> int:
     with _interruptible(folder):
         if world is not None:
             trials, failures = _batch(plan, folder, files, world, options, redo)
-            for trial_id, reason in failures.items():
-                print(f"{trial_id}: failed: {reason}")
+            for reason in dict.fromkeys(failures.values()):
+                print(f"{_named([trial_id for trial_id, why in failures.items() if why == reason])}: failed: {reason}")
         else:
             # Imported here, as the live runner starts ROS; batch and dry runs must not.
             from sandbot_bringup.nodes.live_node import run_live
@@ -78,6 +78,11 @@ def command(argv: Sequence[str]) -> int:
             if failures:  # the reasons were printed as they came
                 print(filled(f"failed: {', '.join(failures)}"))
     return _finish(folder, trials, failures)
+
+
+def _named(trials: Sequence[str]) -> str:
+    """The trials that failed for one reason, in one line."""
+    return trials[0] if len(trials) == 1 else f"{trials[0]} and {counted(len(trials) - 1, 'other trial')}"
 
 
 @contextmanager

@@ -106,6 +106,7 @@ def use_shared_memory(*, frames: bool) -> None:
 def start_ros(argv: Sequence[str]) -> None:
     """``rclpy.init`` without its signal handlers. Raises InputError for arguments or a domain that ROS can't read."""
     _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
+    _name_home()
     rclpy.logging.set_logger_level("rcl", LoggingSeverity.FATAL)  # it would add an uninformative line
     try:
         rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
@@ -119,6 +120,12 @@ def start_ros(argv: Sequence[str]) -> None:
     finally:
         if rclpy.logging.get_logger_level("rcl") == LoggingSeverity.FATAL:
             rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
+
+
+def _name_home() -> None:
+    """ROS keeps its logs below $HOME, which services of the system don't have; the system knows it all the same."""
+    if "HOME" not in os.environ and os.path.isabs(home := os.path.expanduser("~")):
+        os.environ["HOME"] = home
 
 
 def _check_domain(text: str) -> None:

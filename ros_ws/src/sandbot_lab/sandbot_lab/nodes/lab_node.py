@@ -90,7 +90,8 @@ class LabNode(Node):
         self._states = endpoints.publisher(self, topics.LEG_STATES)
         self._led = endpoints.publisher(self, topics.SYNC_LED)
         self._height = endpoints.publisher(self, topics.BED_HEIGHT)
-        self._images = {name: endpoints.publisher(self, view.image) for name, view in topics.VIEWS.items()}
+        filming = topics.VIEWS if current.images else {}  # a publisher would be a second one beside another camera
+        self._images = {name: endpoints.publisher(self, view.image) for name, view in filming.items()}
         self._window = Window(list(self._images.values()), MAX_UNREAD)
         self._infos = {name: endpoints.publisher(self, view.info) for name, view in topics.VIEWS.items()}
         endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
@@ -102,7 +103,7 @@ class LabNode(Node):
         Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
 
     def _check(self, new: LabParameters) -> None:
-        fixed = ("world", "cameras", "robot", "seed")
+        fixed = ("world", "cameras", "robot", "seed", "images")
         for name in fixed:
             if getattr(new, name) != getattr(self._settings.current, name):
                 raise InputError(f"lab parameters: {name} is fixed when the node starts")

@@ -365,17 +365,19 @@ def _loss_event(subscription: Any) -> Any:
 
 
 def _provenance(trial: bytes, ended: str) -> dict[str, dict[str, str]]:
-    """The metadata record ``trial`` from the last message on /trial; empty if there was none or it is not JSON."""
+    """The metadata record ``trial`` from the last message on /trial; if there was none or it is no JSON object, only
+    how the trial ended, without which a failed one would pass for a finished one.
+    """
+    status = {"exit_status": ended} if ended else {}
     try:
         text = interfaces.decode(trial, topics.TRIAL.type).data
         plan = parse_json(text, topics.TRIAL.name)
     except InputError:
-        return {}
+        plan = None
     if not isinstance(plan, dict):
-        return {}
+        return {"trial": status} if status else {}
     said = {"id": "trial_id", "plan": "campaign", **{key: key for key in ("software_version", "commit", "start")}}
     values = {key: str(plan.get(name, "")) for key, name in said.items()}
-    status = {"exit_status": ended} if ended else {}
     return {"trial": {**values, "parameters": text, "clock": "live", "recorder": LIBRARY, **status}}
 
 

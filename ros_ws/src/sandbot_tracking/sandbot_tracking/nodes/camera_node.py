@@ -20,6 +20,7 @@ from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.camera_parameters import CameraParameters
 from sandbot_tracking.source import Source
 
+NAME = "camera"
 SETTLE_S = 1.0
 
 
@@ -30,7 +31,7 @@ class CameraNode(Node):
     """Publishes one source frame by frame."""
 
     def __init__(self) -> None:
-        super().__init__("camera")
+        super().__init__(NAME)
         given = ros_parameters.Parameters(self, CameraParameters, _FIXED).current
         if not given.video:
             raise InputError("camera parameters: video: give a file or device, --ros-args -p video:=dorsal.avi")
@@ -41,17 +42,21 @@ class CameraNode(Node):
         self._source = Source(given.video)
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
         self._period_s = 1.0 / rate_hz
-        view = topics.VIEWS[given.camera]
-        self._image, self._camera_info = endpoints.publisher(self, view.image), endpoints.publisher(self, view.info)
         self._frames = 0
         self._start_ns = 0
         self._heard_s: float | None = None
-        self._health = ros_health.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
+        # Told apart by their names: nodes of the usual one may be those of both views.
+        sole = self.get_name() != NAME
+        self._health = ros_health.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz}, sole=sole)
+        view = topics.VIEWS[given.camera]
+        self._image, self._camera_info = endpoints.publisher(self, view.image), endpoints.publisher(self, view.info)
         # Reading a device blocks until its next frame: polled at twice the frame rate, the camera sets the pace.
         wait_s = self._period_s / 2 if self._source.is_device else self._period_s / given.playback
         self._timer = Timer(self, wait_s, self._next)
 
     def _next(self) -> None:
+        if not self._health.settled:
+            return  # another node may be publishing this view
         if not (self._source.is_device or self._frames or self._is_heard()):
             self._health.text = "waiting for somebody to listen"
             return

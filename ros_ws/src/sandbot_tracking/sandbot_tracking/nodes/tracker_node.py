@@ -1,6 +1,8 @@
 """The tracker node: publishes /landmarks/*, /speed, /speed/mean and /lift from both cameras' frames."""
 
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,29 @@ _FOLLOW_S = 0.5
 """Period of checking the publishers of images."""
 _FROZEN = 50
 """Identical frames in a row from which the image is reported as frozen."""
+_BLIND_S = 0.5
+"""A camera none of whose frames can be used for this long measures nothing; a few damaged ones are only left out."""
+
+
+@dataclass
+class Unusable:
+    """Why frames can't be used, of cameras of whose frames none could be since. Times [s] of a monotonic clock."""
+
+    _last: dict[str, tuple[float, float, str]] = field(default_factory=dict)
+
+    def add(self, camera: str, why: str, now_s: float) -> None:
+        """A frame could not be used."""
+        since_s, _, _ = self._last.get(camera, (now_s, now_s, why))
+        self._last[camera] = since_s, now_s, why
+
+    def used(self, camera: str) -> None:
+        """A frame was used."""
+        self._last.pop(camera, None)
+
+    @property
+    def blind(self) -> str:
+        """Why a camera measures nothing; empty if all do, or may."""
+        return "; ".join(why for since_s, until_s, why in self._last.values() if until_s - since_s >= _BLIND_S)
 
 
 class ImageInput:
@@ -69,7 +94,7 @@ class TrackerNode(Node):
         named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
         self._publish = {name: endpoints.publisher(self, topic) for name, topic in named.items()}
         self._latency = Latency(given.latency_budget_s)
-        self._unreadable = ""
+        self._unreadable, self._unusable = "", Unusable()
         path = given.cameras or config_file("cameras.yaml")
         cameras = read_cameras(path)
         if "dorsal" not in cameras:
@@ -110,8 +135,10 @@ class TrackerNode(Node):
         try:
             pixels = grey(image, self._settings.current.sensor_bits)
             self._publish_samples(self._live.frame(camera, stamp, pixels, self._now_ns()))
+            self._unusable.used(camera)
         except InputError as error:
-            self._unreadable = f"{camera}: {error}"
+            self._unreadable = f"{camera}: {str(error).removeprefix(f'{camera} camera: ')}"
+            self._unusable.add(camera, self._unreadable, time.monotonic())
             self.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
 
     def _led(self, header: Any) -> None:
@@ -144,6 +171,8 @@ class TrackerNode(Node):
             warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
         text = "; ".join(warning for warning in warnings if warning)
         self._health.level, self._health.text = (1, text) if text else (0, "ok")
+        if blind := self._unusable.blind:
+            self._health.level, self._health.text = 2, blind  # a trial ends, as by a camera without frames
         return {**self._latency.values(), **self._live.figures}
 
 
