@@ -336,7 +336,13 @@ def damage(bag):
     file.write_bytes(file.read_bytes()[:-50])
 
 
-def test_the_row_of_a_bag_damaged_since_is_excluded_but_kept(tmp_path):
+def empty(bag):
+    for file in bag.iterdir():
+        file.unlink()
+
+
+@pytest.mark.parametrize("damage", [damage, empty])
+def test_the_row_of_a_bag_damaged_since_is_excluded_but_kept(tmp_path, damage):
     folder = campaign(tmp_path)
     whole = table.make(folder).trials.speed_m_s.tolist()
     shutil.copytree(folder / "trials" / "t1", tmp_path / "copy")
@@ -345,6 +351,7 @@ def test_the_row_of_a_bag_damaged_since_is_excluded_but_kept(tmp_path):
         trials = made(folder).trials
         assert trials.speed_m_s.tolist() == whole
         assert trials.status.tolist() == ["ok", table.UNREADABLE, "ok"]
+    assert list(table.campaign(folder).skipped) == [folder / "trials" / "t1"]
     # Brought back from a copy, the bag counts again; a bag that is gone has no row.
     shutil.rmtree(folder / "trials" / "t1")
     (tmp_path / "copy").rename(folder / "trials" / "t1")

@@ -246,13 +246,20 @@ def check_no_column_lost(out: Path) -> Path:
 
 
 def bags_in(folder: Path) -> list[Path]:
-    """The bags of a campaign (``trials/*``) or of any folder (``*``), by name; empty if it does not exist."""
+    """The bags of a campaign (``trials/*``) or of any folder (``*``), by name; empty if it does not exist.
+
+    Each folder in ``trials`` is a trial's: one that has lost its files is included, so that reading it says so.
+    """
     trials = folder / "trials"
     inside = trials if trials.is_dir() else folder
     if not inside.is_dir():
         return []
     # A folder with storage files of several bags is included: reading it raises an error.
-    return sorted(path for path in inside.glob("[!.]*") if reader.is_bag(path) or reader.storage_files(path))
+    return sorted(
+        path
+        for path in inside.glob("[!.]*")
+        if reader.is_bag(path) or reader.storage_files(path) or (inside == trials and path.is_dir())
+    )
 
 
 def _tabled(folder: Path, bags: Sequence[Path], cache: Cache) -> set[Path]:
