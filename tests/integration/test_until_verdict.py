@@ -39,7 +39,7 @@ def run(tmp_path_factory, slow_cameras, batch_campaign):
     (base / "plan.yaml").write_text(f"{PLAN}cameras: {slow_cameras}\n")
     (base / "world.yaml").write_text(WORLD)
     out, world = base / "run", base / "world.yaml"
-    assert batch_campaign(base / "plan.yaml", "--out", out, "--until", "verdict", "--world", world, "--workers", 1) == 0
+    assert batch_campaign(base / "plan.yaml", "--out", out, "--until", "verdict", "--world", world) == 0
     return out
 
 
