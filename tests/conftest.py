@@ -11,13 +11,13 @@ import tempfile
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+from inline import Inline
 
 # A run started in the background inherits an ignored Ctrl-C, and so would every process whose stopping is tested.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -178,18 +178,6 @@ def beside(domain: int) -> Iterator[Beside]:
     one.close()
 
 
-class AtOnce(Executor):
-    """Runs what is submitted at once, in this process."""
-
-    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        done: Future[Any] = Future()
-        try:
-            done.set_result(function(*arguments, **named))
-        except Exception as error:
-            done.set_exception(error)
-        return done
-
-
 @pytest.fixture(scope="session")
 def batch_campaign() -> Callable[..., int]:
     """``campaign --batch`` in this process: each worker process of its own would import and compile anew."""
@@ -199,7 +187,7 @@ def batch_campaign() -> Callable[..., int]:
         from sandbot_common.crew import Processes
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Processes, "executor", lambda _: AtOnce())
+            patch.setattr(Processes, "executor", lambda _: Inline())
             return campaign.main([*map(str, arguments), "--batch"])
 
     return run

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from made_up import PACE, Inline, made_up_trials, walking_bag
+from inline import Inline
+from made_up import PACE, made_up_trials, walking_bag
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection

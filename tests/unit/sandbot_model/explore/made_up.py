@@ -1,8 +1,7 @@
-"""Made-up trials and bags, and workers that need no process: what the explorer's tests share."""
+"""Made-up trials and bags: what the explorer's tests share."""
 
 import json
 import threading
-from concurrent.futures import Executor, Future
 
 import numpy as np
 
@@ -18,18 +17,6 @@ from sandbot_record.trials.table import Row, from_rows
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
-
-
-class Inline(Executor):
-    """Does the work at once, in this process."""
-
-    def submit(self, function, /, *arguments, **named):
-        future = Future()
-        try:
-            future.set_result(function(*arguments, **named))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
 
 def suggestions_made():

@@ -9,7 +9,8 @@ import pytest
 import yaml
 from dash import no_update
 from dash.exceptions import PreventUpdate
-from made_up import Inline, made_up_trials
+from inline import Inline
+from made_up import made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of

@@ -7,7 +7,8 @@ import socket
 import bags
 import pytest
 import yaml
-from made_up import BOOST, Inline
+from inline import Inline
+from made_up import BOOST
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_query, to_yaml

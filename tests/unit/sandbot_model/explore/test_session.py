@@ -4,7 +4,8 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 
 import numpy as np
 import pytest
-from made_up import EFFECTS, Inline, made_up_trials
+from inline import Inline
+from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from made_up import EFFECTS, Inline, made_up_trials
+from inline import Inline
+from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of

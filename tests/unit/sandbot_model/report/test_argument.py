@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from made_up import EFFECTS, Inline, made_up_trials
+from inline import Inline
+from made_up import EFFECTS, made_up_trials
 
 from sandbot_bringup.plan import read_plan, trials_of
 from sandbot_model.data.conditions import cells_of
