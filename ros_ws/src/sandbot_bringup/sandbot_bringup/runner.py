@@ -56,10 +56,10 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
                     trial = running.pop(future)
                     if (error := future.exception()) is not None:
                         cut_short = cut_short or isinstance(error, OSError)
-                        failed.append((trial.trial_id, f"{type(error).__name__}: {error}"))
-                        if isinstance(error, OSError) and error.errno in _TAKES_NOTHING:
-                            failed[-1] = trial.trial_id, _no_room(error)
-                            failed += [(each.trial_id, _no_room(error)) for each in reversed(waiting)]
+                        no_room = _no_room(error)
+                        failed.append((trial.trial_id, no_room or f"{type(error).__name__}: {error}"))
+                        if no_room:
+                            failed += [(each.trial_id, no_room) for each in reversed(waiting)]
                             waiting.clear()
                     else:
                         finished.append(trial.trial_id)
@@ -74,5 +74,8 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     return Outcome(tuple(finished), tuple(failed), cut_short)
 
 
-def _no_room(error: OSError) -> str:
-    return f"can't be written: {error.strerror}; resume to run it"
+def _no_room(error: BaseException) -> str:
+    """Why nothing can be written any more; empty for other errors."""
+    if isinstance(error, OSError) and error.errno in _TAKES_NOTHING:
+        return f"can't be written: {error.strerror}; resume to run it"
+    return ""
