@@ -150,7 +150,7 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
 
 def _averaged(fit: Fit, criteria: Criteria, drift: Estimate | None) -> Fit:
     """The fit with averaged errors; ``drift`` is what replicates tell of it."""
-    given, sizes, gain = _scatter_posterior(fit, criteria, drifts=drift is not None)
+    given, sizes, gain = _scatter_posterior(fit, criteria, *_replicates(fit, criteria, drifts=drift is not None))
     moments = averaged_moments(*given, sizes, gain)
     stderr = np.where(np.isfinite(fit.stderr), np.sqrt(np.diag(moments)), fit.stderr)
     averaged = replace(fit, stderr=stderr, covariance=moments)
@@ -166,9 +166,9 @@ def _drift_of_replicates(fit: Fit, criteria: Criteria) -> Estimate | None:
         return None
     if (np.nanmax(order, axis=1) - np.nanmin(order, axis=1)).max() < APART:
         return None
-    _, sizes, gain = _scatter_posterior(fit, criteria, drifts=True)
-    given = *_within_cell_contrasts(fit), _drift_and_readings(fit, criteria)
-    value, stderr = averaged_estimate(*given, sizes, gain)
+    replicates = _replicates(fit, criteria, drifts=True)
+    _, sizes, gain = _scatter_posterior(fit, criteria, *replicates)
+    value, stderr = averaged_estimate(*replicates, sizes, gain)
     return Estimate(criteria.drift * value, criteria.drift * stderr)
 
 
@@ -202,16 +202,20 @@ def _moments_about(fit: Fit, other: Fit) -> Array:
     return moments
 
 
-def _scatter_posterior(
-    fit: Fit, criteria: Criteria, drifts: bool
-) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
-    """The linearised fit, extended by contrasts between batches within cells; the grid of σ_b, and the gain of each.
+def _replicates(fit: Fit, criteria: Criteria, *, drifts: bool) -> tuple[Array, Array, Array]:
+    """Contrasts between batches within cells, and their slopes by each batch's ln k and by drift and readings.
 
     ``drifts``: whether contrasts may be due to a drift, as well as to the batches' beds; to these alone otherwise.
     """
-    residual, unknowns, batches, others = _linearised(fit, criteria).of(BATCH, batch_sd_of(fit))
     contrasts, between = _within_cell_contrasts(fit)
-    within = _drift_and_readings(fit, criteria) if drifts else np.zeros((len(contrasts), 1))
+    return contrasts, between, _drift_and_readings(fit, criteria) if drifts else np.zeros((len(contrasts), 1))
+
+
+def _scatter_posterior(
+    fit: Fit, criteria: Criteria, contrasts: Array, between: Array, within: Array
+) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
+    """The linearised fit, extended by such contrasts; the grid of σ_b, and the gain of each."""
+    residual, unknowns, batches, others = _linearised(fit, criteria).of(BATCH, batch_sd_of(fit))
     drift, readings = np.split(within, [1], axis=1)
     # The drift is the first of the others, too.
     others = np.block(
