@@ -18,18 +18,10 @@ import numpy as np
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery import one_value
 from sandbot_model.discovery.candidates import candidates
-from sandbot_model.discovery.conventions import (
-    conventions,
-    other_families,
-    same_family,
-)
+from sandbot_model.discovery.conventions import conventions, other_families, same_family
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.formula_search import (
-    formula_on_top_of,
-    formula_to_try,
-    repairs_something,
-)
+from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, repairs_something
 from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.judgement import or_effects, reported_fit, search_and_judge
 from sandbot_model.discovery.leg_radius import instead_of_a_reading
@@ -42,10 +34,7 @@ from sandbot_model.discovery.partial import Partial
 from sandbot_model.discovery.plausibility import in_doubt
 from sandbot_model.discovery.remarks import controls_of, remarked, told_from_others, worthwhile
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import (
-    Shared,
-    allowed_for,
-)
+from sandbot_model.discovery.sharing import Shared, allowed_for
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import to_run, untested

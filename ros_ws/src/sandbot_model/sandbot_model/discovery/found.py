@@ -18,10 +18,7 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.partial import Partial
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.unseen import Shift
-from sandbot_model.discovery.verdict import (
-    Verdict,
-    in_full,
-)
+from sandbot_model.discovery.verdict import Verdict, in_full
 from sandbot_model.fitting.diagnose import StageTest
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.plain import data_summary, number, plain

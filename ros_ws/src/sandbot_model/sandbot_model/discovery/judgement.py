@@ -12,10 +12,7 @@ from sandbot_model.discovery.conventions import (
 )
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.formula_search import (
-    leaves_enough_for_a_formula,
-    outdone_by_a_formula,
-)
+from sandbot_model.discovery.formula_search import leaves_enough_for_a_formula, outdone_by_a_formula
 from sandbot_model.discovery.leg_radius import instead_of_effects
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.one_observable import refused_from_one_observable
@@ -31,14 +28,7 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.untested import untested
-from sandbot_model.discovery.verdict import (
-    EXPLAINS_ALL,
-    Verdict,
-    either,
-    judge,
-    refused_as_implausible,
-    sound,
-)
+from sandbot_model.discovery.verdict import EXPLAINS_ALL, Verdict, either, judge, refused_as_implausible, sound
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import lowest_in_profiles

@@ -13,10 +13,7 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.untested import plainly_missed
-from sandbot_model.discovery.verdict import (
-    Verdict,
-    next_best,
-)
+from sandbot_model.discovery.verdict import Verdict, next_best
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
