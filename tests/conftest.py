@@ -17,7 +17,6 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
-from inline import Inline
 
 # A run started in the background inherits an ignored Ctrl-C, and so would every process whose stopping is tested.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -183,6 +182,8 @@ def batch_campaign() -> Callable[..., int]:
     """``campaign --batch`` in this process: each worker process of its own would import and compile anew."""
 
     def run(*arguments: object) -> int:
+        from inline import Inline
+
         from sandbot_bringup.tools import campaign
         from sandbot_common.crew import Processes
 
