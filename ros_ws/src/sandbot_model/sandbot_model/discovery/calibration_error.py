@@ -1,10 +1,9 @@
 """The calibration error that would overturn a verdict: a zero or scale that explains as much as an effect."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 from sandbot_model.discovery.batch_sd import ALIKE, BatchSd, batch_sd_of
-from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.effect_search import EffectSearch, once_per_search
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, nuisances_for
 from sandbot_model.discovery.nuisances_in_words import in_words
 from sandbot_model.discovery.sharing import FAR_OFF
@@ -35,36 +34,33 @@ def has_rival(search: EffectSearch, named: Fit) -> bool:
 def _rivals(search: EffectSearch, named: Fit) -> tuple[list[tuple[str, Fit, Miscalibration]], list[Miscalibration]]:
     """What can be miscalibrated beside the best part of a named set, and what of that explains as much as the set."""
     weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
-    key = weakest, batch_sd_of(named) if named.nuisances else ALIKE
-    if key not in search.free_readings:
-        search.free_readings[key] = list(_with_free_reading(search, *key))
-    free = search.free_readings[key]
+    free = _with_free_reading(search, weakest, batch_sd_of(named) if named.nuisances else ALIKE)
     threshold = claim_threshold(named, search.criteria)
     return free, [error for _, fit, error in free if fit.deviance - named.deviance < threshold]
 
 
 def sufficient_calibration_error(search: EffectSearch) -> str:
     """One clause: a calibration error far beyond its prior with which the base model fits; empty if there is none."""
-    enough = [
-        error for _, fit, error in _with_free_reading(search, search.fits[()]) if leaves_nothing(fit, search.criteria)
-    ]
+    free = _with_free_reading(search, search.fits[()], ALIKE)
+    enough = [error for _, fit, error in free if leaves_nothing(fit, search.criteria)]
     far = [error for error in enough if _in_priors(error) > FAR_OFF]
     return f"{in_words(*min(far, key=_in_priors))} would leave nothing to explain: check that first" if far else ""
 
 
-def _with_free_reading(
-    search: EffectSearch, fit: Fit, batch_sd: BatchSd = ALIKE
-) -> Iterator[tuple[str, Fit, Miscalibration]]:
+@once_per_search
+def _with_free_reading(search: EffectSearch, fit: Fit, batch_sd: BatchSd) -> list[tuple[str, Fit, Miscalibration]]:
     """For each zero or scale: its name, the fit with it left free, and the largest error of any of them in that fit."""
     own = nuisances_for(fit, search.criteria, batch_sd)
     places = {name: own.names.index(name) for name in READINGS if name in own.names}
+    free = []
     for name, place in places.items():
         sd = own.sd.copy()
         sd[place] *= FREE
         freed = replace(own, sd=sd)
         (found,) = search.near([fit.model], fit, freed)
         errors = [(other, *found.shared[at], float(own.sd[at])) for other, at in places.items()]
-        yield name, found, max(errors, key=_in_priors)
+        free.append((name, found, max(errors, key=_in_priors)))
+    return free
 
 
 def _in_priors(error: Miscalibration) -> float:

@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from sandbot_model.discovery.batch_sd import batch_sd_of
-from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.effect_search import EffectSearch, once_per_search
 from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, nuisances_for
 from sandbot_model.discovery.verdict import (
     claim_threshold,
@@ -214,13 +214,12 @@ def _is_identifiable(search: EffectSearch, fit: Fit) -> bool:
     return not stages <= {"step", "speed"} or len(along) > 1
 
 
+@once_per_search
 def singles(search: EffectSearch) -> list[Fit]:
-    """All single effects under all other conventions; fitted once."""
-    if search.other_conventions is None:
-        near = _near(search, _single_effect_models(search))
-        found = any(passes(fit, search.criteria) for fit in near)
-        search.other_conventions = near if found else _searched_globally(search, near)
-    return search.other_conventions
+    """All single effects under all other conventions."""
+    near = _near(search, _single_effect_models(search))
+    found = any(passes(fit, search.criteria) for fit in near)
+    return near if found else _searched_globally(search, near)
 
 
 def _searched_globally(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:

@@ -14,14 +14,14 @@ A *part* of a set is the set with one effect less.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import wraps
 from itertools import combinations
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, earns_place, leaves_nothing, parts_of, passes
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.finite import check_finite
@@ -55,6 +55,8 @@ LEADERS = 3
 
 Names = tuple[str, ...]
 """A set of effects, in the order of the catalogue."""
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 
 class EffectSearch:
@@ -73,20 +75,10 @@ class EffectSearch:
         self.cells, self.effects, self.base = cells, effects, base
         self.criteria, self.fit_all, self.progress = criteria, fit_all, progress
         self.fits: dict[Names, Fit] = {}
-        self.other_conventions: list[Fit] | None = None
-        """Cache: single effects under other conventions (``conventions``)."""
         self.tried: list[Fit] = []
         """Every set fitted under another convention than the catalogue's, also those that are none of ``fits``."""
-        self.with_nuisances: dict[tuple[object, ...], Fit] = {}
-        """Cache: sets fitted with nuisances, by their batch SDs and starting fits (``sharing``)."""
-        self.base_on_rough_bed: Fit | None = None
-        """Cache: the base model on a bed that scatters between conditions (``sharing``)."""
-        self.reported: dict[Fit, tuple[Fit, Fit]] = {}
-        """Cache: the deepest plausible fit of a set, without and with its reported standard errors (``discover``)."""
-        self.formulas: dict[Fit, SuggestedFormula] = {}
-        """Cache: the formula that repairs most of what a fit misses (``formula_search``)."""
-        self.free_readings: dict[tuple[Fit, object], list[Any]] = {}
-        """Cache: a fit with each zero or scale left free, by its batch SDs (``calibration_error``)."""
+        self.computed: dict[tuple[object, ...], Any] = {}
+        """What functions of this search returned, by function and arguments (``once_per_search``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
         for name in self.names:
@@ -335,6 +327,23 @@ class EffectSearch:
     def _sorted(self, names: Iterable[str]) -> Names:
         wanted = set(names)
         return tuple(name for name in self.effects if name in wanted)
+
+
+def once_per_search(
+    function: Callable[Concatenate[EffectSearch, P], Result],
+) -> Callable[Concatenate[EffectSearch, P], Result]:
+    """A function of a search and hashable arguments that is computed once for each search, whatever has been fitted
+    since."""
+
+    @wraps(function)
+    def cached(search: EffectSearch, /, *arguments: P.args, **options: P.kwargs) -> Result:
+        key = function, *arguments, *options.items()
+        if key not in search.computed:
+            search.computed[key] = function(search, *arguments, **options)
+        found: Result = search.computed[key]
+        return found
+
+    return cached
 
 
 def _nearest_plausible_end(fit: Fit) -> float | None:

@@ -126,20 +126,14 @@ def _lead(claimed: Fit, criteria: Criteria) -> float:
 
 
 def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:
-    """The formula that gains most on top of a fit, cached; None as in ``suggest_formula``."""
-    if fit not in search.formulas:
-        found = suggest_formula(
-            fit,
-            search.effects,
-            search.criteria,
-            fit_all=search.fit_all,
-            progress=search.progress,
-            hopeless=hopeless,
-        )
-        if found is None:
-            return None
-        search.formulas[fit] = found
-    return search.formulas[fit]
+    """The formula that gains most on top of a fit; None as in ``suggest_formula``, which depends on ``hopeless``."""
+    key = _on_top_of, fit
+    found: SuggestedFormula | None = search.computed.get(key) or suggest_formula(
+        fit, search.effects, search.criteria, fit_all=search.fit_all, progress=search.progress, hopeless=hopeless
+    )
+    if found is not None:
+        search.computed[key] = found
+    return found
 
 
 def _with_one_more_effect(search: EffectSearch, formula: SuggestedFormula) -> Names:

@@ -10,8 +10,7 @@ from sandbot_model.discovery.conventions import (
     try_single_effects,
     try_within_pairs,
 )
-from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.effect_search import EffectSearch, Names, once_per_search
 from sandbot_model.discovery.formula_search import leaves_enough_for_a_formula, outdone_by_a_formula
 from sandbot_model.discovery.leg_radius import instead_of_effects
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
@@ -81,18 +80,13 @@ def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
     return Shared(refused_as_implausible(reported), search.fits, search.fits[()])
 
 
+@once_per_search
 def reported_fit(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
     """The deepest plausible fit of a set, and the same with its reported standard errors."""
-    if named not in search.reported:
-        search.reported[named] = _with_errors(named, search.criteria)
-    return search.reported[named]
-
-
-def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     lower = lowest_in_profiles(refitted_globally(named))
     # Along a flat valley the lowest point may be implausible.
     named = lower if sound(lower) or not sound(named) else named
-    return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
+    return named, averaged_over_scatter(named, search.criteria) if named.nuisances else with_sampled_errors(named)
 
 
 def _explained_by_legs(search: EffectSearch, found: Shared) -> Shared | None:

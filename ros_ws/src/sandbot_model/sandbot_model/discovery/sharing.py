@@ -35,7 +35,7 @@ from sandbot_model.discovery.batch_sd import (
     priors,
 )
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.effect_search import EffectSearch, Names, once_per_search
 from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for, run_in_order_of
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.residual import SuggestedFormula
@@ -371,11 +371,12 @@ def _leading_sets(search: EffectSearch, plain: Verdict, most: int) -> list[Names
 def _refitted(search: EffectSearch, sets: Sequence[Names], batch_sd: BatchSd) -> dict[Names, Fit]:
     """Sets refitted with nuisances; cached by the batch SDs and the fits they start from."""
     rough = (_on_rough_ground(search),) if batch_sd[BATCH] else ()
-    begun = {names: (batch_sd, *_starting_fits(search, names), *rough) for names in sets}
-    new = [names for names in begun if begun[names] not in search.with_nuisances]
-    for names, fit in zip(new, _fitted_from(search, {names: begun[names][1:] for names in new}, batch_sd), strict=True):
-        search.with_nuisances[begun[names]] = fit
-    return {names: search.with_nuisances[start] for names, start in begun.items()}
+    begun = {names: (*_starting_fits(search, names), *rough) for names in sets}
+    keys = {names: (_refitted, batch_sd, *some) for names, some in begun.items()}
+    new = {names: some for names, some in begun.items() if keys[names] not in search.computed}
+    for names, fit in zip(new, _fitted_from(search, new, batch_sd), strict=True):
+        search.computed[keys[names]] = fit
+    return {names: search.computed[key] for names, key in keys.items()}
 
 
 def _fitted_from(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], batch_sd: BatchSd) -> list[Fit]:
@@ -399,18 +400,16 @@ def _starting_fits(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
     return (search.fits[names], *sorted(smaller, key=lambda part: part.deviance)[:1])
 
 
+@once_per_search
 def _on_rough_ground(search: EffectSearch) -> Fit:
     """The base model at its global minimum if all replicates of a condition share an offset of k.
 
     Otherwise conditions that walk or swim because of their batch's offset draw k and Δt to another local minimum, from
     which a descent with offsets does not return.
     """
-    if search.base_on_rough_bed is None:
-        plain = search.fits[()]
-        own = nuisances_for(plain, search.criteria).with_k_scatter(ROUGH_FACTOR * search.criteria.bed_scatter)
-        point = solve_with_nuisances((plain.model, plain.cells, None, own))
-        search.base_on_rough_bed = fitted_at(plain.model, plain.cells, point, own)
-    return search.base_on_rough_bed
+    plain = search.fits[()]
+    own = nuisances_for(plain, search.criteria).with_k_scatter(ROUGH_FACTOR * search.criteria.bed_scatter)
+    return fitted_at(plain.model, plain.cells, solve_with_nuisances((plain.model, plain.cells, None, own)), own)
 
 
 def allowed_for(fit: Fit, criteria: Criteria) -> list[str]:
