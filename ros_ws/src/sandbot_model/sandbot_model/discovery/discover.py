@@ -46,8 +46,8 @@ from sandbot_model.discovery.verdict import (
     judge,
     leaves_nothing,
     look_alikes,
-    p_in_words,
     sound,
+    with_p_of,
 )
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
@@ -106,30 +106,25 @@ def _reported(
     search: EffectSearch, effects: Mapping[str, Effect], found: Shared, partial: Partial | None, *, doubted: bool
 ) -> Discovery:
     """All that is said of a verdict: standard errors, limits, next trials, remarks."""
-    cells, criteria = search.cells, search.criteria
+    cells, criteria, verdict = search.cells, search.criteria, found.verdict
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
-    claimed = search.fits[found.verdict.effects]
-    search.fits, verdict, named = found.fits, found.verdict, found.named
-    search.effects = {**effects, **named.model.catalogue}
-    # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
-    below = search.ladder(verdict)[:-1]
-    # The sentence was written about the fit without nuisances.
-    told = p_in_words(search.fits[verdict.effects])
-    named, reported = reported_fit(search, named)
-    verdict = replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(told, 1)))
+    claimed = search.fits[verdict.effects]
+    search.fits, search.effects = found.fits, {**effects, **found.named.model.catalogue}
+    judged = search.fits[verdict.effects]
+    named, reported = reported_fit(search, found.named)
     rivals, covered = _instead(search, verdict, named, rival)
-    verdict = replace(verdict, because=verdict.because + covered)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
     not_shown = tuple(fit.effects[0] for fit in hidden)
-    shift = largest_shift(reported, hidden)
     known = {fit.effects for fit in rivals}
     rivals += [fit for fit in equally_simple(reported, hidden) if fit.effects not in known]
+    shift = largest_shift(reported, hidden)
     shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
     family = same_family(search, claimed, named)
+    others = other_families(search, claimed, judged) if verdict.status == "identified" else []
     trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if worthwhile(trials, criteria) else controls_of(search, verdict)
-    others = other_families(search, claimed, search.fits[verdict.effects]) if verdict.status == "identified" else []
-    verdict = told_from_others(search, verdict, others, family)
+    verdict = with_p_of(reported, verdict, judged)
+    verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
     verdict = remarked(search, verdict, named, not_shown, trials, out_of_reach, controls).with_remarks(shifted)
     floor = noise_floor(cells)
     return Discovery(
@@ -137,17 +132,19 @@ def _reported(
         cells=cells,
         noise_floor_m_s=floor["speed"],
         noise_floor=floor,
-        steps=(*below, averaged_with(reported, [*rivals, *family])),
+        # Lower steps do not fit, so the precision of their parameters is meaningless and is not sampled.
+        steps=(*search.ladder(verdict)[:-1], averaged_with(reported, [*rivals, *family])),
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        alike=tuple(look_alikes(search.fits, search.fits[verdict.effects], others, criteria)),
+        alike=tuple(look_alikes(search.fits, judged, others, criteria)),
         allowing=allowing,
         controls=controls,
         unseen=not_shown,
         unseen_shift=shift,
         stability=_stability(search.fits, others, verdict, criteria),
         stages=stage_tests(search.fits[()]),
+        # This fits further sets, which are no candidates.
         residual=None if doubted else _residual_formula(search, verdict, found.formula),
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),

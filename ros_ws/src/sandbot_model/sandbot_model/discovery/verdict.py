@@ -386,6 +386,11 @@ def p_in_words(fit: Fit) -> str:
     return f"({p_of_test(fit)})"
 
 
+def with_p_of(reported: Fit, verdict: Verdict, judged: Fit) -> Verdict:
+    """A verdict on the set ``judged`` with the p-value of its reported fit, which may be deeper, instead."""
+    return replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(p_in_words(judged), 1)))
+
+
 def p_of_test(fit: Fit, criteria: Criteria = DEFAULT) -> str:
     """``lack of fit p = 0.43``; where only single observables fail, theirs: ``lack of fit of speed p = 1e-5, of all
     together 0.38``."""
