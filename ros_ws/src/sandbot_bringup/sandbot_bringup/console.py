@@ -240,7 +240,7 @@ class Console:
             target = number_or_nan(self.trial.get("phi_target", content["phi"]))
             self.curves[f"{target:.4f}"] = content
 
-    def new_picture(self, camera: str, seen: Sequence[str] = ()) -> None:
+    def new_picture(self, camera: str, seen: Sequence[str]) -> None:
         """A newer picture of ``camera`` is available, with the marks ``seen`` drawn in."""
         number = self.pictures.get(camera, {"number": 0})["number"] + 1
         self.pictures[camera] = {"number": number, "seen": list(seen)}

@@ -24,9 +24,9 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def filled(text: str, indent: str = "", width: int = WIDTH) -> str:
+def filled(text: str, indent: str = "") -> str:
     """``text`` wrapped to a terminal's width; after an ``indent``, all lines but the first get two columns more."""
     further = f"{indent}  " if indent else ""
     return textwrap.fill(
-        text, width, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
+        text, WIDTH, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
     )

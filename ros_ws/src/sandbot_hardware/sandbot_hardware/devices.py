@@ -16,6 +16,8 @@ from sandbot_hardware.lines import Line
 
 RESOLUTION_S = 1e-6
 """The line's time resolution: reports are at least so far apart."""
+REPORT_S = 0.02
+"""How often a device at rest reports unasked."""
 Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float], Sequence[float]]]
 """From device time [s], commanded angles and rates to resulting angles, rates and efforts."""
 
@@ -64,11 +66,11 @@ class LegController:
             replies.append(lines.encode("E", _us(t_s)))
         return [*replies, self._report(t_s, angles, rates)]
 
-    def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
+    def tick(self, now_s: float) -> list[bytes]:
         """What it sends unasked: leg positions, and that its watchdog has stopped the legs."""
         if sent := self._watch(now_s):
             return sent
-        if not self.moving and now_s - self.said_s >= report_s:
+        if not self.moving and now_s - self.said_s >= REPORT_S:
             return [self._report(now_s, self._held, [0.0] * self._legs)]
         return []
 
@@ -116,13 +118,13 @@ class BedController:
             self._set(line.values[0], now_s)
         return []
 
-    def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
+    def tick(self, now_s: float) -> list[bytes]:
         """What it sends unasked."""
         sent = []
         if self.level > 0.0 and self._lease.late(now_s):
             self._set(0.0, now_s)
             sent.append(lines.encode("W", lines.AIR_OFF))
-        if now_s - self.said_s >= report_s:
+        if now_s - self.said_s >= REPORT_S:
             self.said_s = now_s
             sent.append(lines.encode("H", self._height_m(now_s)))
         return sent

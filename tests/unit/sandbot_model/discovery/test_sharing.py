@@ -495,11 +495,11 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told)
     """Of one offset a condition; seven days that scatter may do so too."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch=batch)))
     own = nuisances_for(plain, DEFAULT, BatchSd(0.005))
-    assert trend_p_of(fitted_at(plain.model, plain.cells, plain.point, own), DEFAULT) > STRUCTURE
+    assert trend_p_of(fitted_at(plain.model, plain.cells, plain.point, own), DEFAULT, BATCH) > STRUCTURE
     omega = (plain.cells.omega - 15) / 15
     slope = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=2)
     cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + slope * (0.07 * omega**2)[:, None])
-    found = trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT)
+    found = trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT, BATCH)
     assert (found < STRUCTURE) == told
     assert at_random(plain, DEFAULT)
 
@@ -514,14 +514,14 @@ def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
     cells = dataclasses.replace(
         plain.cells, mean=plain.cells.mean + by_cell @ (0.04 * every_other), gait=tuple(gaits[i] for i in every_other)
     )
-    assert (trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT) < STRUCTURE) == told
+    assert (trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT, BATCH) < STRUCTURE) == told
 
 
 def test_blocks_without_an_order_follow_no_trend(drawn):
     cells = dataclasses.replace(cells_of(table(drawn, batch="block{row.replicate:g}")), order=None)
     plain = fit(model_of("simple", (), OVERLAP), cells)
     beside = fitted_at(plain.model, cells, plain.point, nuisances_for(plain, DEFAULT, BatchSd(0.005)))
-    assert np.isnan(trend_p_of(beside, DEFAULT))
+    assert np.isnan(trend_p_of(beside, DEFAULT, BATCH))
     assert at_random(beside, DEFAULT)
 
 
@@ -537,7 +537,7 @@ def test_offsets_that_are_smooth_are_no_scatter(drawn):
         cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + by_cell @ offsets)
         found.append(fitted_at(plain.model, cells, plain.point, own))
     assert at_random(found[0], DEFAULT)
-    assert smooth_p(found[0], DEFAULT) > STRUCTURE > smooth_p(found[1], DEFAULT)
+    assert smooth_p(found[0], DEFAULT, BATCH) > STRUCTURE > smooth_p(found[1], DEFAULT, BATCH)
     assert not at_random(found[1], DEFAULT)
 
 

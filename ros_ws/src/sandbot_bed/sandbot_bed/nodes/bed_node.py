@@ -13,7 +13,7 @@ commanded.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -43,8 +43,7 @@ _FRESH_S = 0.5
 class TopicHardware:
     """The bed behind topics: a driver node or the virtual lab obeys /bed/blower and publishes /bed/height."""
 
-    def __init__(self, ros: Node, now_s: Callable[[], float] = time.monotonic) -> None:
-        self._now_s = now_s
+    def __init__(self, ros: Node) -> None:
         self._height_m, self._heard_s = math.nan, -math.inf
         self._blower = endpoints.publisher(ros, topics.BED_BLOWER)
         endpoints.subscription(ros, topics.BED_HEIGHT, self._on_height)
@@ -55,10 +54,10 @@ class TopicHardware:
 
     def read_height_m(self) -> float:
         """The latest /bed/height; NaN if it is older than half a second."""
-        return self._height_m if self._now_s() - self._heard_s < _FRESH_S else math.nan
+        return self._height_m if time.monotonic() - self._heard_s < _FRESH_S else math.nan
 
     def _on_height(self, message: Range) -> None:
-        self._height_m, self._heard_s = message.range, self._now_s()
+        self._height_m, self._heard_s = message.range, time.monotonic()
 
 
 class PublishedHardware:

@@ -32,9 +32,7 @@ class Health:
     other publishers: one that publishes without it is not ours (``Rivals``).
     """
 
-    def __init__(
-        self, node: Node, values: Callable[[], Mapping[str, object]], period_s: float = 0.2, *, sole: bool = False
-    ) -> None:
+    def __init__(self, node: Node, values: Callable[[], Mapping[str, object]], *, sole: bool = False) -> None:
         self._node, self._values = node, values
         self.level, self.text = 0, "ok"
         self.refused = ""
@@ -43,7 +41,7 @@ class Health:
         self._since_ns, self._process = time.time_ns(), own_name()
         self._turned_s, self._awake = math.inf, Standstill()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
-        Timer(node, period_s, self.publish, self._turn)
+        Timer(node, 0.2, self.publish, self._turn)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._check_for_older)

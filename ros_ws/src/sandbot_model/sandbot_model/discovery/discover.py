@@ -210,5 +210,5 @@ def _stability(fits: Sets, others: Sequence[Fit], verdict: Verdict, criteria: Cr
     named = verdict.alternatives or ((),)
     leading = sorted((fit for fit in (*fits.values(), *others) if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
     leading += [fits[names] for names in named if fits[names] not in leading]
-    shares = win_shares(leading, np.random.default_rng(0), criteria=criteria)
+    shares = win_shares(leading, np.random.default_rng(0), criteria)
     return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)

@@ -6,7 +6,7 @@ trend over φ, ω or run order, differ between gaits, or are smooth over φ and 
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import BATCH, batch_sd_of, priors
+from sandbot_model.discovery.batch_sd import batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import best_gain, kernels
 from sandbot_model.fitting.fit import Fit
@@ -38,7 +38,7 @@ def at_random(fit: Fit, criteria: Criteria) -> bool:
     return not found or bool(np.nanmin(found) >= STRUCTURE)
 
 
-def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
+def trend_p_of(fit: Fit, criteria: Criteria, name: str) -> float:
     """p-value of a test for a trend of the batches' offsets ``name`` over φ, ω (to second order), run order and gait.
 
     Averaged over the posterior of their standard deviation; NaN where no such trend is possible.
@@ -52,7 +52,7 @@ def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
     return found
 
 
-def smooth_p(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
+def smooth_p(fit: Fit, criteria: Criteria, name: str) -> float:
     """p-value of a test for offsets smoother over φ and ω than random ones, drawn with σ_b from its posterior."""
     residual, unknowns, batches, others = model = _linear_model(fit, name)
     contrasts, (sizes, share) = free_of(unknowns, others), _scatter(model, priors(fit, criteria)[name])

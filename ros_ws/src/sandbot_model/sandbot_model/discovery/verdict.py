@@ -112,7 +112,7 @@ def earns_place(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], c
     return sound(fits[larger]) and gains_enough(fits, larger, smaller, criteria)
 
 
-def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria) -> bool:
     """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
     without the cell or level that gains most."""
     gain = _deviance_terms(fits[smaller]) - _deviance_terms(fits[larger])
@@ -129,7 +129,7 @@ def claim_threshold(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     return claim_on_replicates(fit.cells, criteria) * overdispersion(fit)
 
 
-def claim_on_replicates(cells: Cells, criteria: Criteria = DEFAULT) -> float:
+def claim_on_replicates(cells: Cells, criteria: Criteria) -> float:
     """``criteria.claim`` of a pure error known from so many replicates: the tail probability of χ² is converted to F on
     its degrees of freedom; inf without any."""
     freedom = int(cells.pure_error_dof.sum())
@@ -263,7 +263,7 @@ def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criter
     return "; ".join(filter(None, (" ".join(clauses), same)))
 
 
-def look_alikes(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> list[Fit]:
+def look_alikes(fits: Sets, best: Fit, tried: Iterable[Fit], criteria: Criteria) -> list[Fit]:
     """Those of the same sets as in ``next_best`` that pass and do not fit clearly worse, in order of BIC."""
     most = best.bic + criteria.clearly * overdispersion(best)
     return [fit for fit in _others_of_its_size(fits, best, tried) if fit.bic < most and passes(fit, criteria)]
@@ -276,7 +276,7 @@ def _others_of_its_size(fits: Sets, best: Fit, tried: Iterable[Fit]) -> list[Fit
     return sorted(others, key=lambda fit: fit.bic)
 
 
-def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
+def best_earned(fits: Sets, criteria: Criteria) -> Fit:
     """The best set whose effects all earn their place, or the base model."""
     return min(
         (fit for key, fit in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda fit: fit.bic

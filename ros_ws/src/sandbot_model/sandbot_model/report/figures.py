@@ -226,11 +226,11 @@ def _band(step: Step, band: int, colour: str) -> Spec:
     }  # fmt: skip
 
 
-def _faded(colour: str, opacity: float = 0.22) -> str:
+def _faded(colour: str) -> str:
     """A translucent version of a colour ``#rrggbb`` or ``rgb(r, g, b)``."""
     if colour.startswith("#"):
         colour = f"rgb({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))})"
-    return f"{colour.replace('rgb(', 'rgba(').removesuffix(')')}, {opacity:g})"
+    return f"{colour.replace('rgb(', 'rgba(').removesuffix(')')}, 0.22)"
 
 
 def _key(panel: int) -> str:

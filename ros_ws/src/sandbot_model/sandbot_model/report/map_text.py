@@ -11,7 +11,7 @@ Rgb = tuple[float, float, float]
 BLACK, WHITE = "#000000", "#ffffff"
 
 
-def cell_labels(heat: Spec, text: Sequence[Sequence[str]], theme: Theme, size: int = 12) -> Spec:
+def cell_labels(heat: Spec, text: Sequence[Sequence[str]], theme: Theme) -> Spec:
     """A trace with a text label on each cell of a heatmap; clicks pass through to the map below."""
     cells = [
         (x, y, label, ink(value, heat, theme))
@@ -21,7 +21,7 @@ def cell_labels(heat: Spec, text: Sequence[Sequence[str]], theme: Theme, size: i
     ]
     xs, ys, labels, inks = ([list(column) for column in zip(*cells, strict=True)] or [[]] * 4)[:4]
     return {
-        "type": "scatter", "mode": "text", "x": xs, "y": ys, "text": labels, "textfont": {"size": size, "color": inks},
+        "type": "scatter", "mode": "text", "x": xs, "y": ys, "text": labels, "textfont": {"size": 12, "color": inks},
         "hoverinfo": "skip", "showlegend": False, "name": "",
     }  # fmt: skip
 

@@ -11,6 +11,9 @@ from sandbot_common.terminal import counted
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.video import VideoFrames, place
 
+SHORT = 200
+"""Characters shown of a value."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; exit code 1 if the bag is unfinished or damaged."""
@@ -97,9 +100,9 @@ def _time(t_ns: int) -> str:
     return f"{datetime.fromtimestamp(seconds, UTC):%b %d %Y %H:%M:%S}.{rest:09d} UTC ({seconds}.{rest:09d})"
 
 
-def _short(text: str, width: int = 200) -> str:
+def _short(text: str) -> str:
     line = " ".join(text.split())
-    return line if len(line) <= width else f"{line[:width]}…"
+    return line if len(line) <= SHORT else f"{line[:SHORT]}…"
 
 
 if __name__ == "__main__":
