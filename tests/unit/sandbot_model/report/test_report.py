@@ -75,7 +75,7 @@ def fits(trials):
 def discovery(fits):
     because = "made up for this test: <b>nothing</b> & no one"
     return Discovery(
-        model="simple", cells=fits[0].cells, noise_floor_m_s=0.005, noise_floor={"speed": 0.005}, steps=fits,
+        model="simple", cells=fits[0].cells, noise_floor={"speed": 0.005}, steps=fits,
         candidates=(), verdict=Verdict("ambiguous", ("leg_slip",), (("leg_slip",), ("cable_drag",)), because),
         next_trials=(NextTrial(0.633, 22.0, "first_step", ("leg_slip", "cable_drag"), 4.25, 2),),
         criteria=Criteria(claim=30.5, clearly=7.5),

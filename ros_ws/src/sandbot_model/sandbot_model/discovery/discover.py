@@ -126,12 +126,10 @@ def _reported(
     verdict = with_p_of(reported, verdict, judged)
     verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
     verdict = remarked(search, verdict, named, not_shown, trials, out_of_reach, controls).with_remarks(shifted)
-    floor = noise_floor(cells)
     return Discovery(
         model=search.base,
         cells=cells,
-        noise_floor_m_s=floor["speed"],
-        noise_floor=floor,
+        noise_floor=noise_floor(cells),
         # Lower steps do not fit, so the precision of their parameters is meaningless and is not sampled.
         steps=(*search.ladder(verdict)[:-1], averaged_with(reported, [*rivals, *family])),
         candidates=tuple(candidates(search.fits, effects)),

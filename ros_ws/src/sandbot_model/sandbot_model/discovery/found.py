@@ -33,7 +33,6 @@ class Discovery:
 
     model: str
     cells: Cells
-    noise_floor_m_s: float
     noise_floor: Mapping[str, float]
     steps: tuple[Fit, ...]
     candidates: tuple[Candidate, ...]
@@ -66,6 +65,11 @@ class Discovery:
     """If no trial distinguishes the alternatives: the experiments by which their effects show (``Effect.control``)."""
     criteria: Criteria = DEFAULT
     """The thresholds of the verdict."""
+
+    @property
+    def noise_floor_m_s(self) -> float:
+        """Scatter of replicates in the mean speed."""
+        return self.noise_floor["speed"]
 
     @property
     def fit(self) -> Fit:

@@ -21,7 +21,6 @@ from sandbot_record.bags import frames, video
 from sandbot_record.bags.video import VideoFile
 from sandbot_record.bags.writer import BagWriter
 
-SECOND_NS = 1_000_000_000
 PAUSED, PAUSED_TO_THE_END = "paused", "end"
 """Key in the metadata record ``recording`` for the pauses, "FROM to TO, ..." in log times [ns]; TO may be "end"."""
 CLOCK_SET = "clock_set_s"
