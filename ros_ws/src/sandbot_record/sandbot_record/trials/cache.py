@@ -41,6 +41,8 @@ class Cache:
     """Content hashes of the bags when trials.csv was written; empty if unknown."""
     written: str = ""
     """The hash of trials.csv as last written, if it contained no manual edits."""
+    changed: bool = False
+    """Whether files of a bag are not as they were when the cache was written."""
 
     @classmethod
     def read(cls, folder: Path) -> "Cache":
@@ -65,7 +67,7 @@ class Cache:
         before, key = self.seen.get(bag.name, ("", ""))
         if state != before:
             key = content_hash(bag)
-            self.seen[bag.name] = (state, key)
+            self.seen[bag.name], self.changed = (state, key), True
         return key
 
     def trial_id(self, bag: Path) -> str:

@@ -4,7 +4,7 @@ The rows of a campaign are cached next to its trials (``cache``), so that only n
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -148,37 +148,43 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
         if (folder / TRIALS_CSV).is_file():
             return Report(table_of(folder / TRIALS_CSV), {}, {}, 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
-    recorded = of_campaign(folder)
-    cache = Cache.read(folder)
-    before = dict(cache.seen)
+    recorded, cache = of_campaign(folder), Cache.read(folder)
     own = read_csv(folder / TRIALS_CSV) if (folder / TRIALS_CSV).is_file() else None
     edited = own is not None and content_hash(folder / TRIALS_CSV) != cache.written
     tabled = _tabled(folder, bags, cache) if own else set()
     if own and len(own) == len(bags) == len(tabled) and not isinstance(first_bag := _row_or_reason(bags[0]), str):
-        setting = shared([recorded, first_bag[1]])
-        table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
-        if cache.seen != before:
+        table = replace(from_rows(own.rows(), *shared([recorded, first_bag[1]]).for_table), unread=own.unread)
+        if cache.changed:
             cache.write({bag: cache.key(bag) for bag in bags})
         return Report(table, {cache.trial_id(bag): bag for bag in bags}, {}, len(bags), edited)
     keys = {bag: cache.key(bag) for bag in bags}
     cached = sum(key in cache.measured for key in keys.values())
     failed = _fill(cache, keys, crew)
-    if cached == len(bags) and cache.seen != before:
+    if cached == len(bags) and cache.changed:
         cache.write(keys)
     found = {bag: result for bag in bags if (result := cache.get(keys[bag], bag)) is not None}
     by_id = _by_id({bag: row for bag, (row, _) in found.items()})
     doubled = {bag: _same_id(bag, row, by_id) for bag, (row, _) in found.items() if by_id[row.trial_id] != bag}
-    measured = {bag: result for bag, result in found.items() if bag not in doubled}
-    known = {row.trial_id: row for row in own.rows()} if own else {}
-    # A table without edits is ignored: an earlier version may have measured it from the bags.
-    by_hand = known if edited else {}
-    rows = {bag: by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()}
-    unread = (*(own.unread if own else ()), *_edits(list(rows.values()), [row for row, _ in measured.values()]))
-    lost = {bag: known[name] for bag in failed if (name := files.base_name(bag)) in known.keys() - by_id.keys()}
-    rows |= {bag: replace(row, status=UNREADABLE if row.status == OK else row.status) for bag, row in lost.items()}
-    setting = shared([recorded, *(own_setting for _, own_setting in measured.values())])
-    table = replace(from_rows([rows[bag] for bag in sorted(rows)], *setting.for_table), unread=unread)
-    return Report(table, by_id, failed | doubled, cached, edited)
+    settings = [setting for bag, (_, setting) in found.items() if bag not in doubled]
+    measured = {bag: row for bag, (row, _) in found.items() if bag not in doubled}
+    rows = _lost(own, failed, by_id) | _as_edited(measured, own if edited else None, tabled)
+    unread = (*(own.unread if own else ()), *_edits([rows[bag] for bag in measured], list(measured.values())))
+    table = from_rows([rows[bag] for bag in sorted(rows)], *shared([recorded, *settings]).for_table)
+    return Report(replace(table, unread=unread), by_id, failed | doubled, cached, edited)
+
+
+def _as_edited(measured: Mapping[Path, Row], by_hand: Trials | None, tabled: Container[Path]) -> dict[Path, Row]:
+    """The measured rows, those that are ``tabled`` as the table has them that was edited ``by_hand``: one without edits
+    is ignored, as an earlier version may have measured it from the bags."""
+    edited = {row.trial_id: row for row in by_hand.rows()} if by_hand else {}
+    return {bag: edited.get(row.trial_id, row) if bag in tabled else row for bag, row in measured.items()}
+
+
+def _lost(own: Trials | None, failed: Iterable[Path], found: Container[str]) -> dict[Path, Row]:
+    """Rows of the table whose bags can't be read any more."""
+    known = {row.trial_id: row for row in own.rows() if row.trial_id not in found} if own else {}
+    lost = {bag: known[name] for bag in failed if (name := files.base_name(bag)) in known}
+    return {bag: replace(row, status=UNREADABLE if row.status == OK else row.status) for bag, row in lost.items()}
 
 
 def _fill(cache: Cache, keys: Mapping[Path, str], crew: Crew | None) -> dict[Path, str]:
