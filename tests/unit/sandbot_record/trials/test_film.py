@@ -75,4 +75,4 @@ def test_the_strip_of_a_campaign_is_that_of_its_first_bag_with_a_film(tmp_path):
     bag = filmed(tmp_path / "trials" / "b")
     filmed(tmp_path / "trials" / "c")
     assert film_strip.film_strip(tmp_path) == film_strip.of_bag(bag)
-    assert [name.split("(")[1] for _, name in film_strip.of_bag(bag, 3)] == 3 * ["b, lateral camera)"]
+    assert [name.split("(")[1] for _, name in film_strip.of_bag(bag)] == 4 * ["b, lateral camera)"]

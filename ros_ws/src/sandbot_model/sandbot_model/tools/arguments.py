@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
@@ -69,6 +69,13 @@ def add_data(parser: Parser) -> None:
 def title(args: argparse.Namespace) -> str:
     """``--title``, else the name of DATA."""
     return args.title or base_name(args.data[0])
+
+
+def origin(args: argparse.Namespace) -> dict[str, Any]:
+    """Where a report comes from: its title, a film strip of DATA, DATA, and the command line as typed."""
+    from sandbot_record.trials.film_strip import film_strip
+
+    return {"title": title(args), "frames": film_strip(args.data[0]), "data": args.data, "command": args.typed}
 
 
 def check_report(args: argparse.Namespace) -> None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from sandbot_model.discovery.compare import Comparison
     from sandbot_model.fitting.parallel import Map
     from sandbot_model.physics.model import Model
-    from sandbot_record.trials.table import Trials
 
 FEW = 5
 """Cell means missed that are listed."""
@@ -106,7 +105,11 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     if args.json is not None:
         write_json(args.json, content)
     if args.html is not None:
-        _write_report(args, steps, trials)
+        from sandbot_model.report import write_comparison
+
+        origin = arguments.origin(args)
+        with writing(args.html):
+            write_comparison(args.html, steps, trials, **origin)
 
 
 def _tables(steps: "Comparison", missed: int) -> str:
@@ -116,16 +119,6 @@ def _tables(steps: "Comparison", missed: int) -> str:
     last = steps[-1]
     parts = (tables.ladder(steps), tables.parameters(last), tables.fails(last, missed))
     return "\n\n".join(filter(None, (*parts, filled(tables.lock_line(steps.lock)))))
-
-
-def _write_report(args: argparse.Namespace, steps: "Comparison", trials: "Trials") -> None:
-    from sandbot_model.report import write_comparison
-    from sandbot_record.trials.film_strip import film_strip
-
-    frames = film_strip(args.data[0])
-    with writing(args.html):
-        title = arguments.title(args)
-        write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
 
 
 def _held(selection: Selection, model: "Model") -> tuple[str, list[str]]:

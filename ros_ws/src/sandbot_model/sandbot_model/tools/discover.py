@@ -104,8 +104,18 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     print(tables.notes(notes))
     print(_tables(found, args.verbose))
     if rates:
-        print()
-        print(filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
+        print("\n" + filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
+    _write(args, found, trials, [*assumed(trials, cells, found.criteria), *notes], rates)
+
+
+def _write(
+    args: argparse.Namespace,
+    found: "Discovery",
+    trials: "Trials",
+    notes: Sequence[str],
+    rates: "Sequence[ErrorRates]",
+) -> None:
+    """Write the files that ``--next``, ``--json`` and ``--html`` name."""
     if args.next is not None:
         from sandbot_model.report.in_words import no_trial
         from sandbot_model.tools.trials_to_run import write_trials_to_run
@@ -113,19 +123,15 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         print("\n" + filled(write_trials_to_run(found.next_trials, found.cells.trials, args.next, no_trial(found))))
     if args.json is not None:
         content = found.to_dict()
-        content["data"]["notes"] = [*assumed(trials, cells, found.criteria), *notes]
+        content["data"]["notes"] = list(notes)
         content |= {"error_rates": [rate.to_dict() for rate in rates]} if rates else {}
         write_json(args.json, content)
     if args.html is not None:
         from sandbot_model.report import write_report
-        from sandbot_record.trials.film_strip import film_strip
 
-        frames = film_strip(args.data[0])
+        origin = arguments.origin(args)
         with writing(args.html):
-            write_report(
-                args.html, found, trials, title=arguments.title(args), frames=frames, data=args.data,
-                command=args.typed,
-            )  # fmt: skip
+            write_report(args.html, found, trials, **origin)
 
 
 def _rates(

@@ -83,6 +83,15 @@ class Result:
         content["data"]["notes"] = list(self.notes)
         return content
 
+    def report(self, path: str | Path, *, title: str = "trackway") -> Path:
+        """Write the self-contained report and return its path. Raises InputError if it can't be written."""
+        with files.writing(out := Path(path)):
+            if isinstance(self.content, Discovery):
+                write_report(out, self.content, self.trials, title=title)
+            else:
+                write_comparison(out, self.steps, self.trials, title=title)
+        return out
+
     def plot(self) -> "Figure":
         """Mean speed against ω at every φ: measured, the base model, and the last step's model."""
         return print_figures.speed(with_curves(list(dict.fromkeys((self.steps[0], self.fit)))))
@@ -109,23 +118,11 @@ class Found(Result):
         """What to measure next, the most informative first."""
         return self.content.next_trials
 
-    def report(self, path: str | Path, *, title: str = "trackway") -> Path:
-        """Write the self-contained report and return its path. Raises InputError if it can't be written."""
-        with files.writing(out := Path(path)):
-            write_report(out, self.content, self.trials, title=title)
-        return out
-
 
 class Compared(Result):
     """What ``compare`` fitted; ``fit`` is the model with all effects asked for."""
 
     content: Comparison
-
-    def report(self, path: str | Path, *, title: str = "trackway") -> Path:
-        """Write the self-contained report and return its path. Raises InputError if it can't be written."""
-        with files.writing(out := Path(path)):
-            write_comparison(out, self.steps, self.trials, title=title)
-        return out
 
 
 def discover(
