@@ -34,7 +34,7 @@ from sandbot_model.discovery.verdict import (
 )
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fitted_at, refitted
-from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near, solve_near_unless_hopeless
+from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_near_unless_hopeless
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant, variants_of
 
@@ -166,10 +166,9 @@ def _fitted_like(search: EffectSearch, named: Fit, fits: Sequence[Fit]) -> list[
     """The same sets, with nuisances if ``named`` has them."""
     if named.nuisances is None:
         return list(fits)
-    own = [nuisances_for(fit, search.criteria, batch_sd_of(named)) for fit in fits]
-    tasks = [(fit.model, fit.cells, (fit.warm_start,), at) for fit, at in zip(fits, own, strict=True)]
-    points = search.fit_all(solve_near, tasks)
-    return [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
+    batch_sd = batch_sd_of(named)
+    own = [nuisances_for(fit, search.criteria, batch_sd) for fit in fits]
+    return search.solved([(fit.model, fit.cells, (fit.warm_start,), at) for fit, at in zip(fits, own, strict=True)])
 
 
 def conventions(fits: Sequence[Fit]) -> dict[str, str]:

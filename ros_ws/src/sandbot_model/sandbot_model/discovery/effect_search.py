@@ -141,8 +141,12 @@ class EffectSearch:
         tasks = [
             (model, self.cells, (smaller.warm_start, *its), shared) for model, its in zip(models, more, strict=True)
         ]
-        points = self.fit_all(solve_near, tasks)
-        return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
+        return self.solved(tasks)
+
+    def solved(self, tasks: Sequence[Any], solver: Callable[[Any], Point] = solve_near) -> list[Fit]:
+        """Fits at the minima that a solver finds for tasks (model, cells, where to start, nuisances)."""
+        points = self.fit_all(solver, tasks)
+        return [fitted_at(model, cells, at, own) for (model, cells, _, own), at in zip(tasks, points, strict=True)]
 
     def fit(self, stage: str, sets: Sequence[Names], *, nearby: bool) -> None:
         """Fit sets, from warm starts only or globally; the better of an earlier fit and this one is kept."""
@@ -169,8 +173,7 @@ class EffectSearch:
             return found
         held = [replace(found[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
         tasks = [(model, self.cells, (found[at].warm_start,), None) for model, at in zip(held, ends, strict=True)]
-        for at, model, point in zip(ends, held, self.fit_all(solve_near, tasks), strict=True):
-            fit = fitted_at(model, self.cells, point)
+        for at, fit in zip(ends, self.solved(tasks), strict=True):
             if fit.deviance - found[at].deviance < self.criteria.not_excluded:
                 found[at] = fit
         return found

@@ -36,8 +36,7 @@ from sandbot_model.discovery.verdict import (
     passes,
     sound,
 )
-from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.effect import Effect
@@ -146,8 +145,7 @@ def _hopeful(cells: Cells, fits: Iterable[Fit], hopeless: float = HOPELESS) -> l
 
 def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[Fit]:
     """The same models, fitted to other cells."""
-    points = search.fit_all(solve_near, [(fit.model, cells, (fit.warm_start,), None) for fit in fits])
-    return [fitted_at(fit.model, cells, point) for fit, point in zip(fits, points, strict=True)]
+    return search.solved([(fit.model, cells, (fit.warm_start,), None) for fit in fits])
 
 
 def _reduced_chi2(fit: Fit, cells: Cells) -> float:
@@ -233,8 +231,7 @@ def _searched_further(search: EffectSearch) -> dict[Names, Fit]:
         for fit in stopped
     ]
     tasks = [(model, search.cells, (fit.warm_start,), None) for model, fit in zip(models, stopped, strict=True)]
-    points = search.fit_all(solve_near, tasks)
-    return {model.identifiers: fitted_at(model, search.cells, at) for model, at in zip(models, points, strict=True)}
+    return {fit.effects: fit for fit in search.solved(tasks)}
 
 
 def _opened(fit: Fit) -> Effect:

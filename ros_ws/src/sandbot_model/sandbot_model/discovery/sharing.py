@@ -387,8 +387,7 @@ def _fitted_from(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], b
         own = [nuisances_for(fit, search.criteria, batch_sd) for fit in fits]
         starts = [fit.point for fit in fits] if later else origins
         tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
-        points = search.fit_all(solve_from if later else solve_near, tasks)
-        found = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
+        found = search.solved(tasks, solve_from if later else solve_near)
         stayed = [fitted_at(fit.model, fit.cells, fit.point, at) for fit, at in zip(fits, own, strict=True)]
         fits = [min(both, key=lambda fit: fit.deviance) for both in zip(found, stayed, strict=True)]
     return fits
