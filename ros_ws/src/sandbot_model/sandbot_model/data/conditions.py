@@ -3,7 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,28 +31,36 @@ from sandbot_record.trials.table import Trials
 class Cells:
     """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``Observable``."""
 
-    phi: Floats = field(metadata={"shape": "(n,)", "doc": "mean measured volume fraction"})
-    omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
-    gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
-    clock: Clock = field(metadata={"shape": "(n,)", "doc": "how legs turn in the gait"})
-    level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
-    level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
-    n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
-    mean: Floats = field(
-        metadata={"shape": "(n, 4)", "doc": "cell means corrected to the level's φ; NaN where not measured"}
-    )
-    sd: Floats = field(metadata={"shape": "(n, 4)", "doc": "replicate scatter of the cell; NaN below two"})
-    sem: Floats = field(metadata={"shape": "(n, 4)", "doc": "standard error of the mean, from pooled pure error"})
-    noise: Floats = field(metadata={"shape": "(4,)", "doc": "pure error: pooled sd of one trial; NaN if unknown"})
-    covariance: Floats = field(metadata={"shape": "(n, 4, 4)", "doc": "covariance of the cell means"})
-    pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
-    own_scatter: NDArray[np.bool_] = field(
-        metadata={"doc": "(n,), cells whose own scatter is used, not the pooled one (see ``pure_error``)"}
-    )
-    phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
-    phi_reliability: float = field(
-        metadata={"doc": "share ρ of the measured deviation of φ that is real (see ``covariate``)"}
-    )
+    phi: Floats
+    """Mean measured volume fraction, (n,)."""
+    omega: Floats  # [rad/s], (n,)
+    gait: tuple[str, ...]  # (n,)
+    clock: Clock
+    """How legs turn in the gait, (n,)."""
+    level: Ints
+    """Index into level_phi, (n,)."""
+    level_phi: Floats
+    """Mean volume fraction of a level, (levels,)."""
+    n: Ints
+    """Replicates in which the observable was measured, (n, 4)."""
+    mean: Floats
+    """Cell means corrected to the level's φ, (n, 4); NaN where not measured."""
+    sd: Floats
+    """Replicate scatter of the cell, (n, 4); NaN below two."""
+    sem: Floats
+    """Standard error of the mean, from pooled pure error, (n, 4)."""
+    noise: Floats
+    """Pure error: pooled standard deviation of one trial, (4,); NaN if unknown."""
+    covariance: Floats
+    """Covariance of the cell means, (n, 4, 4)."""
+    pure_error_dof: Ints
+    """Degrees of freedom of the pure error, (4,)."""
+    own_scatter: NDArray[np.bool_]
+    """Cells whose own scatter is used, not the pooled one, (n,) (see ``pure_error``)."""
+    phi_scatter: float
+    """Standard deviation of measured φ among replicates: how well the bed meets its target."""
+    phi_reliability: float
+    """Share ρ of the measured deviation of φ that is real (see ``covariate``)."""
     trials: int
     excluded: int = 0
     pressed: Pressed | None = None
@@ -65,20 +73,14 @@ class Cells:
     """Whether there are error bars of single trials, which do not give pure error (see ``stated_error``)."""
     error_bars: bool = False
     """Whether pure error is that of the error bars given, and not the scatter of replicates."""
-    batch_share: Floats | None = field(
-        default=None,
-        metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is named"},
-    )
-    batch_mean: Floats | None = field(
-        default=None,
-        metadata={"doc": "(n, batches, 4), mean of a cell's trials in each batch; NaN without any"},
-    )
-    order: Floats | None = field(
-        default=None, metadata={"doc": "(n,), mean position in the run order from -1/2 to 1/2; None: unknown"}
-    )
-    batch_order: Floats | None = field(
-        default=None, metadata={"doc": "(n, batches), the same of a cell's trials in each batch; NaN without any"}
-    )
+    batch_share: Floats | None = None
+    """Share of a cell's trials in each batch, (n, batches); None: at most one is named."""
+    batch_mean: Floats | None = None
+    """Mean of a cell's trials in each batch, (n, batches, 4); NaN without any."""
+    order: Floats | None = None
+    """Mean position in the run order from -1/2 to 1/2, (n,); None: unknown."""
+    batch_order: Floats | None = None
+    """The same of a cell's trials in each batch, (n, batches); NaN without any."""
     two_groups: TwoGroups | None = None
     """The split of the trials that removes most of the scatter of replicates, if that is questioned."""
 

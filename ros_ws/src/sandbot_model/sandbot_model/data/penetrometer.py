@@ -10,7 +10,7 @@ where d_r is the robot's ``stiffness_depth_m`` (SandBot's: 3.9 cm). A file does 
 stiffness are known only once the trials' robot is.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -39,12 +39,11 @@ class Readings:
     """Forces on one leg at depths ``(n,)``, or stiffnesses, whose depth is that of a robot."""
 
     phi: Floats
-    depth_m: Floats = field(metadata={"unit": "m"})
-    force_n: Floats = field(metadata={"unit": "N"})
-    force_sd_n: Floats = field(metadata={"unit": "N"})
-    stiffness: tuple[Floats, Floats] | None = field(
-        default=None, metadata={"unit": "N/m", "doc": "k and its sd, where those were read; all but φ is then NaN"}
-    )
+    depth_m: Floats
+    force_n: Floats
+    force_sd_n: Floats
+    stiffness: tuple[Floats, Floats] | None = None
+    """k and its standard deviation [N/m], where those were read; all but φ is then NaN."""
     unread: tuple[str, ...] = ()
     """Columns of the file that are ignored."""
 

@@ -1,7 +1,7 @@
 """One trial on a common time axis: the measurements, the state of the bed, and the model's legs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,8 @@ class Scene:
 
     waveform: Waveform
     cell: int
-    model_m_s: Floats = field(metadata={"shape": "(m,)", "unit": "m/s", "doc": "v_x by the model, at the legs' times"})
+    model_m_s: Floats
+    """v_x by the model, at the legs' times, (m,)."""
     reach_rad: float
     """Largest leg angle in stance by the model; 0 where it swims."""
     radius_m: float

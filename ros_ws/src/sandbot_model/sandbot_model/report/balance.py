@@ -1,6 +1,6 @@
 """The force balance as a figure: force the ground gives and force the body needs against depth (Li09 Fig. 3c, 4a)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,10 +21,11 @@ HEADROOM = 1.5
 class Forces:
     """Vertical forces on a leg against depth, and the depth at which it holds, for each band."""
 
-    depth_m: Floats = field(metadata={"shape": "(depths,)", "unit": "m"})
-    given_n: Floats = field(metadata={"shape": "(n_bands, depths)", "unit": "N"})
-    needed_n: Floats = field(metadata={"shape": "(n_bands, depths)", "unit": "N"})
-    holds_m: Floats = field(metadata={"shape": "(n_bands,)", "unit": "m", "doc": "NaN where it never holds"})
+    depth_m: Floats  # (depths,)
+    given_n: Floats  # (n_bands, depths)
+    needed_n: Floats  # (n_bands, depths)
+    holds_m: Floats
+    """NaN where it never holds, (n_bands,)."""
 
 
 def forces(fit: Fit, omega_rad_s: float) -> Forces:

@@ -1,6 +1,6 @@
 """Figures of how walking ends: critical frequency and peak speed (Li09 Fig. 2b, c), and step length (Fig. 3d)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,9 +22,12 @@ FINE_POINTS = 24
 class Collapse:
     """The end of walking in each band; all (n_bands,)."""
 
-    last_walking_rad_s: Floats = field(metadata={"doc": "largest measured ω at which the robot still walks; NaN: none"})
-    first_swimming_rad_s: Floats = field(metadata={"doc": "smallest measured ω above it at which it swims; NaN: none"})
-    peak_speed_m_s: Floats = field(metadata={"doc": "largest mean speed over ω"})
+    last_walking_rad_s: Floats
+    """Largest measured ω at which the robot still walks; NaN: none."""
+    first_swimming_rad_s: Floats
+    """Smallest measured ω above it at which it swims; NaN: none."""
+    peak_speed_m_s: Floats
+    """Largest mean speed over ω."""
 
 
 def collapse(cells: Cells) -> Collapse:

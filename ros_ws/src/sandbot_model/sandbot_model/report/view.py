@@ -4,7 +4,7 @@ Everything is SI, and unknown values are NaN or absent; figures and pages conver
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -29,7 +29,8 @@ class Band:
     phi: float
     gait: str
     level: int
-    cells: NDArray[np.int64] = field(metadata={"shape": "(n,)", "doc": "indices of its cells, ascending in ω"})
+    cells: NDArray[np.int64]
+    """Indices of its cells, ascending in ω, (n,)."""
     label: str
 
 
@@ -43,9 +44,9 @@ BAND_EVERY = 3
 class SpeedBand:
     """Range of the model's mean speed, ± ``BAND_SDS`` standard deviations."""
 
-    omega_rad_s: Floats = field(metadata={"shape": "(m,)", "unit": "rad/s"})
-    low_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
-    high_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
+    omega_rad_s: Floats  # (m,)
+    low_m_s: Floats  # (n_bands, m)
+    high_m_s: Floats  # (n_bands, m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +54,8 @@ class Step:
     """One rung of the ladder: a fit and its speed curves."""
 
     fit: Fit
-    omega_rad_s: Floats = field(metadata={"shape": "(m,)", "unit": "rad/s"})
-    speed_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
+    omega_rad_s: Floats  # (m,)
+    speed_m_s: Floats  # (n_bands, m)
 
     @property
     def label(self) -> str:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -38,11 +38,14 @@ class Waveform:
     """v_x(t) and leg angles of one trial; t = 0 is the start of the legs."""
 
     trial_id: str
-    time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
-    speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "NaN where a marker was lost"})
-    leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s", "doc": "empty without leg states"})
-    leg_angle_rad: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad", "doc": "angle of each c-leg's centre"})
-    leg_rate_rad_s: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad/s"})
+    time_s: Floats  # (n,)
+    speed_m_s: Floats
+    """NaN where a marker was lost, (n,)."""
+    leg_time_s: Floats
+    """Empty without leg states, (m,)."""
+    leg_angle_rad: Floats
+    """Angle of each c-leg's centre, (m, legs)."""
+    leg_rate_rad_s: Floats  # (m, legs)
 
 
 NEEDS_BAGS = "v_x(t) and film need a campaign folder or bags"

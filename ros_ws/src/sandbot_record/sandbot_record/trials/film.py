@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -33,7 +33,7 @@ _POINT = ("point.x", "point.y", "point.z")
 class Film:
     """Frame ``i`` was taken at ``stamp_ns[i]``; ``zero_ns`` is when the legs started. Thread-safe."""
 
-    stamp_ns: NDArray[np.int64] = field(metadata={"shape": "(n,)", "unit": "ns"})
+    stamp_ns: NDArray[np.int64]  # (n,)
     zero_ns: int
     marks: dict[topics.Topic, Any]
     """Columns of the tracked axles."""

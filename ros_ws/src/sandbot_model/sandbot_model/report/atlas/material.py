@@ -1,7 +1,7 @@
 """The material an atlas is drawn from, and the definition of a plate."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,10 +34,12 @@ class Motion:
     omega_rad_s: float
     clock_signal: tuple[float, float, float] | None
     """θ_s, θ_0 [rad] and d_c of its gait; None where the gait does not define them."""
-    time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
-    speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "v_x(t); NaN where a marker was lost"})
-    leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s"})
-    leg_angle_rad: Floats = field(metadata={"shape": "(m,)", "unit": "rad", "doc": "shaft angle of one leg"})
+    time_s: Floats  # (n,)
+    speed_m_s: Floats
+    """v_x(t), (n,); NaN where a marker was lost."""
+    leg_time_s: Floats  # (m,)
+    leg_angle_rad: Floats
+    """Shaft angle of one leg, (m,)."""
 
 
 @dataclass(frozen=True, eq=False)
