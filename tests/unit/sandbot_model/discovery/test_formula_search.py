@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.discovery import discover, formula_search, judgement
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.formula_search import outdone_by_a_formula, repairs_something
-from sandbot_model.discovery.sharing import Shared
+from sandbot_model.discovery.sharing import Judged
 from sandbot_model.discovery.verdict import Verdict
 
 CLAIM = Verdict("identified", ("a", "b"), (("a", "b"),), "")
@@ -104,7 +104,7 @@ def held(monkeypatch):
 
     def held(claim, fits):
         search = SimpleNamespace(fits={(): fit(bic=300.0)} | fits, criteria=DEFAULT)
-        imitated = judgement._refused_for_a_formula(search, Shared(claim, search.fits, search.fits[()]))
+        imitated = judgement._refused_for_a_formula(search, Judged(claim, search.fits, search.fits[()]))
         return imitated is not None and imitated.verdict is refused and imitated.formula == "formula"
 
     return held

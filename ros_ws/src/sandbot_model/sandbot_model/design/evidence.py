@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import overdispersion
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.verdict import Names, overdispersion
 from sandbot_model.fitting.fit import Fit
 
 WIDTH = 45.0

@@ -7,6 +7,7 @@ import numpy as np
 
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import (
+    Names,
     Sets,
     doubtful_values,
     gains_enough,
@@ -64,12 +65,12 @@ def nearly_claimed(fits: Sets, criteria: Criteria) -> str:
     return ""
 
 
-def _weight_with(name: str, weights: Mapping[tuple[str, ...], float]) -> float:
+def _weight_with(name: str, weights: Mapping[Names, float]) -> float:
     """Weight of all sets with an effect."""
     return sum(value for names, value in weights.items() if name in names)
 
 
-def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:
+def bic_weights(fits: Sets) -> dict[Names, float]:
     """exp(-ΔBIC/2), normalised over all sets tried."""
     scores = np.array([fit.bic for fit in fits.values()])
     weights = np.exp(-0.5 * np.minimum(scores - scores.min(), 1400.0))

@@ -34,7 +34,7 @@ from sandbot_model.discovery.partial import Partial
 from sandbot_model.discovery.plausibility import in_doubt
 from sandbot_model.discovery.remarks import controls_of, remarked, told_from_others, worthwhile
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import Shared, allowed_for
+from sandbot_model.discovery.sharing import Judged, allowed_for
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import to_run, untested
@@ -103,7 +103,7 @@ def _discovered(
 
 
 def _reported(
-    search: EffectSearch, effects: Mapping[str, Effect], found: Shared, partial: Partial | None, *, doubted: bool
+    search: EffectSearch, effects: Mapping[str, Effect], found: Judged, partial: Partial | None, *, doubted: bool
 ) -> Discovery:
     """All that is said of a verdict: standard errors, limits, next trials, remarks."""
     cells, criteria, verdict = search.cells, search.criteria, found.verdict
@@ -163,7 +163,7 @@ def _instead(search: EffectSearch, verdict: Verdict, named: Fit, rival: Fit | No
     return fits, f"{size} (standard errors of Δt and k cover {'both' if len(fits) == 1 else 'all three'})"
 
 
-def _identified_without_nuisances(search: EffectSearch, found: Shared) -> Fit | None:
+def _identified_without_nuisances(search: EffectSearch, found: Judged) -> Fit | None:
     """What would be identified without the zero, scale or drift with which the base model is adequate; None if nothing
     would."""
     if found.verdict.status != "adequate" or not significant(found.named):
@@ -172,7 +172,7 @@ def _identified_without_nuisances(search: EffectSearch, found: Shared) -> Fit | 
     return search.fits[plain.effects] if plain.status == "identified" else None
 
 
-def _only_allowing(search: EffectSearch, found: Shared) -> str:
+def _only_allowing(search: EffectSearch, found: Judged) -> str:
     """The nuisances, in words, without which an adequate base model would show lack of fit; else empty."""
     if found.verdict.status != "adequate" or leaves_nothing(search.fits[()], search.criteria):
         return ""

@@ -22,7 +22,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, earns_place, leaves_nothing, parts_of, passes
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Names, Verdict, earns_place, leaves_nothing, parts_of, passes
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -53,8 +53,6 @@ REFINED = 8
 LEADERS = 3
 """Sets of a size, the best by BIC, that are extended by each effect of the catalogue."""
 
-Names = tuple[str, ...]
-"""A set of effects, in the order of the catalogue."""
 P = ParamSpec("P")
 Result = TypeVar("Result")
 

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
 from sandbot_model.discovery.sharing import refitted_at_priors
 from sandbot_model.discovery.verdict import (
+    Names,
     Sets,
     Verdict,
     best_earned,

@@ -10,7 +10,7 @@ from sandbot_model.discovery.conventions import (
     try_single_effects,
     try_within_pairs,
 )
-from sandbot_model.discovery.effect_search import EffectSearch, Names, once_per_search
+from sandbot_model.discovery.effect_search import EffectSearch, once_per_search
 from sandbot_model.discovery.formula_search import leaves_enough_for_a_formula, outdone_by_a_formula
 from sandbot_model.discovery.leg_radius import instead_of_effects
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
@@ -19,7 +19,7 @@ from sandbot_model.discovery.other_sign import refused_for_the_other_sign
 from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import effects_may_explain, robot_may_be_wrong
 from sandbot_model.discovery.sharing import (
-    Shared,
+    Judged,
     has_flexible_nuisances,
     judged_with_nuisances,
     nuisances_suffice,
@@ -27,16 +27,16 @@ from sandbot_model.discovery.sharing import (
     refitted_globally,
 )
 from sandbot_model.discovery.untested import untested
-from sandbot_model.discovery.verdict import EXPLAINS_ALL, Verdict, either, judge, refused_as_implausible, sound
+from sandbot_model.discovery.verdict import EXPLAINS_ALL, Names, Verdict, either, judge, refused_as_implausible, sound
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import lowest_in_profiles
 
 
-def search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
+def search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Judged, Partial | None]:
     """The verdict of a search, or ``preset`` without one, and what one effect repairs if the verdict is ``partial``."""
     search.run(0 if preset else max_effects, lambda size: nuisances_suffice(search, size))
-    found = Shared(preset, search.fits, search.fits[()]) if preset else _judged(search)
+    found = Judged.of(search, preset) if preset else _judged(search)
     partial = None
     if found.verdict.status in EXPLAINS_ALL and admit_rivals(search, search.fits[found.verdict.effects]):
         found = _judged(search)
@@ -61,23 +61,23 @@ def or_effects(search: EffectSearch, max_effects: int) -> str:
     return f"; or {either(found.alternatives)} with the radius as given" if found.status in EXPLAINS_ALL else ""
 
 
-def _judged(search: EffectSearch) -> Shared:
+def _judged(search: EffectSearch) -> Judged:
     """The verdict on all sets fitted so far, with nuisances and with the reported standard errors."""
     search.resolve_unknown_errors()
     plain = judge(search.fits, search.criteria)
-    found = judged_with_nuisances(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+    found = judged_with_nuisances(search, plain) or Judged.of(search, plain)
     refused = refused_from_one_observable(found.verdict, found.fits)
     if refused is not None:
-        return Shared(refused, search.fits, search.fits[()])
+        return Judged.of(search, refused)
     return _by_reported_errors(search, found)
 
 
-def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
+def _by_reported_errors(search: EffectSearch, found: Judged) -> Judged:
     """The verdict by the reported standard errors: where the local curvature overstates an error, an implausible value
     would pass as compatible with its plausible range."""
     if found.verdict.status not in EXPLAINS_ALL or sound(reported := reported_fit(search, found.named)[1]):
         return found
-    return Shared(refused_as_implausible(reported), search.fits, search.fits[()])
+    return Judged.of(search, refused_as_implausible(reported))
 
 
 @once_per_search
@@ -89,15 +89,15 @@ def reported_fit(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
     return named, averaged_over_scatter(named, search.criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _explained_by_legs(search: EffectSearch, found: Shared) -> Shared | None:
+def _explained_by_legs(search: EffectSearch, found: Judged) -> Judged | None:
     """The refusal of a verdict where legs of another radius explain as much; else None."""
     legs = instead_of_effects(search, found) if found.verdict.status in ("unexplained", *EXPLAINS_ALL) else ""
     if not legs:
         return None
-    return Shared(Verdict("unexplained", (), (), robot_may_be_wrong(legs)), search.fits, search.fits[()])
+    return Judged.of(search, Verdict("unexplained", (), (), robot_may_be_wrong(legs)))
 
 
-def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
+def _refused_for_a_formula(search: EffectSearch, found: Judged) -> Judged | None:
     """The refusal of a claim that a formula outdoes; None where none is clearly better, or nothing is claimed.
 
     Any formula speaks against several effects, an effect under another convention (picked from dozens), or a claim with
@@ -116,20 +116,20 @@ def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None
     if outdone is None:
         return None
     refused, formula = outdone
-    return Shared(refused, dict(search.fits), search.fits[()], formula)
+    return Judged(refused, dict(search.fits), search.fits[()], formula)
 
 
-def _refused_for_the_other_sign(search: EffectSearch, found: Shared) -> Shared | None:
+def _refused_for_the_other_sign(search: EffectSearch, found: Judged) -> Judged | None:
     """The refusal of a claim, each set of which has an effect under another convention, that an effect of one sign
     equals with the other; None for others."""
     verdict = found.verdict
     if verdict.status not in EXPLAINS_ALL or not all(search.fits[names].variants for names in verdict.alternatives):
         return None
     refused = refused_for_the_other_sign(search, verdict, refitted_as_claimed(search, found))
-    return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
+    return None if refused is None else Judged(refused, dict(search.fits), search.fits[()])
 
 
-def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
+def _under_other_conventions(search: EffectSearch, unexplained: Judged) -> tuple[Judged, Partial | None]:
     """The verdict where no set of the catalogue fits. Tried in turn: one effect under another convention, an effect
     that repairs most of the misfit, two effects of which one is under another convention."""
     usual = dict(search.fits)
@@ -140,7 +140,8 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
         return part
     if better and (found := _settled(search, usual)):
         return found, None
-    for fits in (usual, search.fits):
+    adopted = search.fits
+    for fits in (usual, adopted):
         search.fits = fits
         if part := _unless_a_formula(search, mostly_repaired(search)):
             return part
@@ -150,7 +151,7 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
     return replace(unexplained, fits=usual), None
 
 
-def _settled(search: EffectSearch, usual: dict[Names, Fit]) -> Shared | None:
+def _settled(search: EffectSearch, usual: dict[Names, Fit]) -> Judged | None:
     """The verdict under other conventions if it may stand, or its refusal, which rests on the ``usual`` fits."""
     found = _judged(search)
     if refused := _refused_for_the_other_sign(search, found):
@@ -158,7 +159,7 @@ def _settled(search: EffectSearch, usual: dict[Names, Fit]) -> Shared | None:
     return found if _is_conclusive(search, found) else None
 
 
-def _is_conclusive(search: EffectSearch, found: Shared) -> bool:
+def _is_conclusive(search: EffectSearch, found: Judged) -> bool:
     """Whether a verdict under other conventions may stand. A claim may not if it also needs flexible nuisances for more
     than a small part of the misfit, or if a formula outdoes it."""
     if found.verdict.status not in EXPLAINS_ALL:
@@ -171,9 +172,9 @@ def _is_conclusive(search: EffectSearch, found: Shared) -> bool:
     return not flexible and _refused_for_a_formula(search, found) is None
 
 
-def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
+def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Judged, Partial] | None:
     """The verdict that one effect repairs most of the misfit, unless a formula without it explains everything."""
     if most is None or outdone_by_a_formula(search, most[0], search.fits):
         return None
     verdict, partial = most
-    return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
+    return Judged.of(search, verdict), partial

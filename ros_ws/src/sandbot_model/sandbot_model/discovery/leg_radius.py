@@ -18,7 +18,7 @@ from sandbot_model.discovery.calibration_error import has_rival
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, nuisances_for
 from sandbot_model.discovery.plausibility import DIFFERENT
-from sandbot_model.discovery.sharing import Shared
+from sandbot_model.discovery.sharing import Judged
 from sandbot_model.discovery.verdict import EXPLAINS_ALL, either, parts_of, passes
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.nuisances import Nuisances
@@ -57,7 +57,7 @@ def instead_of_a_reading(search: EffectSearch, named: Fit) -> Legs | None:
     return legs if legs and legs.fit.deviance <= named.deviance - off else None
 
 
-def instead_of_effects(search: EffectSearch, found: Shared) -> str:
+def instead_of_effects(search: EffectSearch, found: Judged) -> str:
     """One clause: legs with which fewer effects explain as much as what is claimed, or which explain data that nothing
     else does; empty if there are none, or ``_may_be_legs`` says no."""
     claimed = found.verdict.alternatives if found.verdict.status in EXPLAINS_ALL else ()
@@ -74,7 +74,7 @@ def instead_of_effects(search: EffectSearch, found: Shared) -> str:
     return ""
 
 
-def _may_be_legs(search: EffectSearch, found: Shared) -> bool:
+def _may_be_legs(search: EffectSearch, found: Judged) -> bool:
     """Whether a wrong radius may look like a claim: it is of several effects, or a calibration error looks like it."""
     several = max(map(len, found.verdict.alternatives)) > 1
     return several or max(_costs(found.named), default=0.0) > SUSPECT**2 or has_rival(search, found.named)

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import Verdict, leaves_nothing, overdispersion
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.verdict import Names, Verdict, leaves_nothing, overdispersion
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import model_of

@@ -22,9 +22,10 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.verdict import (
+    Names,
     Verdict,
     doubtful_parameters,
     doubtful_values,

@@ -35,12 +35,13 @@ from sandbot_model.discovery.batch_sd import (
     priors,
 )
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.effect_search import EffectSearch, Names, once_per_search
+from sandbot_model.discovery.effect_search import EffectSearch, once_per_search
 from sandbot_model.discovery.nuisances_about import estimated_batch_sd, gain_of_batches, nuisances_for, run_in_order_of
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import (
+    Names,
     Verdict,
     claim_threshold,
     earns_place,
@@ -72,7 +73,7 @@ FAR_OFF = 4.0
 
 
 @dataclass(frozen=True)
-class Shared:
+class Judged:
     """A verdict and the fits that it rests on, with nuisances where these were needed."""
 
     verdict: Verdict
@@ -82,8 +83,13 @@ class Shared:
     formula: SuggestedFormula | None = None
     """The formula for which a claim was refused."""
 
+    @classmethod
+    def of(cls, search: EffectSearch, verdict: Verdict) -> "Judged":
+        """A verdict on the fits of a search as they are."""
+        return cls(verdict, search.fits, search.fits[verdict.effects])
 
-def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None:
+
+def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Judged | None:
     """The verdict with nuisances, by the steps above; None where no set explains the data even with them.
 
     A claim whose effects all earn their place is not overturned by a smaller set that passes the lack-of-fit test: that
@@ -107,7 +113,7 @@ def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None
     return _refused_if_parts_suffice(search, plain) or _confirmed(search, plain, named)
 
 
-def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Shared | None:
+def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Judged | None:
     """The refusal of a claim if, with nuisances, an effect of each of its sets only keeps a parameter of another effect
     within its plausible range; else None."""
     fits, parts = dict(_refitted(search, [()], ALIKE)), set[Names]()
@@ -119,7 +125,7 @@ def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Shared | 
             return None
         fits, parts = fits | there, parts | set(own)
     verdict = judge({(): fits[()]} | {part: fits[part] for part in parts}, search.criteria)
-    return Shared(verdict, search.fits, search.fits[()]) if verdict.status == "unexplained" else None
+    return Judged.of(search, verdict) if verdict.status == "unexplained" else None
 
 
 def _part_suffices(fits: Mapping[Names, Fit], names: Names, part: Names, criteria: Criteria) -> bool:
@@ -140,7 +146,7 @@ def refitted_globally(fit: Fit) -> Fit:
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
-def refitted_as_claimed(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
+def refitted_as_claimed(search: EffectSearch, found: Judged) -> dict[Names, Fit]:
     """The claimed set, each of its effects and the base model, refitted with the nuisances that the claim assumes."""
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
@@ -184,29 +190,29 @@ def nuisances_suffice(search: EffectSearch, size: int) -> bool:
     return not any(earns_place(fits, names, named.effects, search.criteria) for names in larger)
 
 
-def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
+def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Judged | None:
     """The verdict among sets of up to ``size`` effects; None where nuisances do not help."""
     claimed = len(plain.effects) == size
     batch_sd = _batch_sd_about(search, search.fits[plain.effects] if claimed else _best_plausible(search, size))
     if claimed and (survivor := _if_still_earned(search, plain.effects, batch_sd)):
-        return _with_new_rivals(search, plain, size, batch_sd) or Shared(plain, search.fits, survivor)
+        return _with_new_rivals(search, plain, size, batch_sd) or Judged(plain, search.fits, survivor)
     found = _base_with_calibration_errors(search, plain, batch_sd)
     found = found or _judged_with_batch_sd(search, plain, size, batch_sd)
     if found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed:
         survivor = _if_still_earned(search, plain.effects, batch_sd)
         if survivor := survivor or _if_earned_without_scatter(search, plain.effects):
-            return Shared(plain, search.fits, survivor)
+            return Judged(plain, search.fits, survivor)
     return found
 
 
-def _confirmed(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
+def _confirmed(search: EffectSearch, plain: Verdict, named: Fit) -> Judged:
     """The first verdict, with the calibration errors that the refitted set shows."""
     off = significant(named)
     because = f"{plain.because}, with {' and '.join(off)}" if off else plain.because
-    return Shared(replace(plain, because=because), search.fits, named)
+    return Judged(replace(plain, because=because), search.fits, named)
 
 
-def _base_with_calibration_errors(search: EffectSearch, plain: Verdict, batch_sd: BatchSd) -> Shared | None:
+def _base_with_calibration_errors(search: EffectSearch, plain: Verdict, batch_sd: BatchSd) -> Judged | None:
     """The base model with calibration errors alone, where these make a scattering bed unnecessary.
 
     Scatter of the bed is still included if it is clearly present beside them and the base model remains adequate:
@@ -241,7 +247,7 @@ def _best_plausible(search: EffectSearch, size: int) -> Fit:
     return next(filter(sound, search.ranked(size)), search.fits[()])
 
 
-def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
+def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Judged | None:
     """The verdict among sets of up to ``size`` effects, refitted with these batch SDs; None where it is no better."""
     fits = _refitted(search, _leading_sets(search, plain, size), batch_sd)
     if judge(fits, search.criteria).status == "unexplained":
@@ -258,10 +264,10 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    return Shared(_with_nuisances(verdict, plain, named, search.criteria), fits, named)
+    return Judged(_with_nuisances(verdict, plain, named, search.criteria), fits, named)
 
 
-def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
+def _with_new_rivals(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Judged | None:
     """The verdict with nuisances if trials were run in order and it names sets that the claim does not; else None.
 
     In order of ω, a drift may be all that a rival lacks. Scatter of the bed lets any rival fit, so a claim that needs
@@ -312,7 +318,7 @@ def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, 
     return min((marginal[part] - marginal[names] for part in parts_of(names, fits)), default=0.0)
 
 
-def _base_with_scatter(search: EffectSearch, plain: Verdict) -> Shared | None:
+def _base_with_scatter(search: EffectSearch, plain: Verdict) -> Judged | None:
     """The base model with the scatter estimated about it, where no believable effect explains more; else None.
 
     It must also pass with the scatter estimated about the best single effect, and every effect that gains there must

@@ -37,7 +37,9 @@ CONVENTION_COUNT = sum(map(len, VARIANTS.values()))
 """Number of other conventions from which one is selected."""
 USUAL_LEVEL = 0.05
 """p-value below which a reader takes a misfit for real, though the criteria do not reject the model yet."""
-Sets = Mapping[tuple[str, ...], Fit]
+Names = tuple[str, ...]
+"""A set of effects, in the order of the catalogue; empty for the base model."""
+Sets = Mapping[Names, Fit]
 """Fits by their effects on top of the base model."""
 
 
@@ -47,8 +49,8 @@ class Verdict:
     numbers, the ``statistics`` and then the ``remarks``: what else it could be, and what to do."""
 
     status: str
-    effects: tuple[str, ...]
-    alternatives: tuple[tuple[str, ...], ...]
+    effects: Names
+    alternatives: tuple[Names, ...]
     because: str
     remarks: tuple[str, ...] = ()
 
@@ -107,12 +109,12 @@ def _is_determined(value: float, stderr: float) -> bool:
     return bool(stderr < 0.5 * abs(value))
 
 
-def earns_place(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+def earns_place(fits: Sets, larger: Names, smaller: Names, criteria: Criteria = DEFAULT) -> bool:
     """Whether the larger set has plausible parameters and its additional effects gain enough."""
     return sound(fits[larger]) and gains_enough(fits, larger, smaller, criteria)
 
 
-def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria) -> bool:
+def gains_enough(fits: Sets, larger: Names, smaller: Names, criteria: Criteria) -> bool:
     """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
     without the cell or level that gains most."""
     gain = _deviance_terms(fits[smaller]) - _deviance_terms(fits[larger])
@@ -230,11 +232,11 @@ def _rivals_of_equal_size(fits: Sets, best: Fit, good: Iterable[Fit], criteria: 
     return [fit for fit in others if passes(fit, criteria)]
 
 
-def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
+def _all_needed(fits: Sets, key: Names, criteria: Criteria) -> bool:
     return all(earns_place(fits, key, part, criteria) for part in parts_of(key, fits))
 
 
-def parts_of(names: tuple[str, ...], fits: Sets) -> list[tuple[str, ...]]:
+def parts_of(names: Names, fits: Sets) -> list[Names]:
     """The fitted sets with one effect less than this one; none for the base model."""
     return [part for part in combinations(names, len(names) - 1) if part in fits] if names else []
 
@@ -359,7 +361,7 @@ def _told_apart(first: float, second: float) -> tuple[str, str]:
 _NONE_TRIED = "no effect was tried (--max-effects 0)"
 
 
-def _name(effects: tuple[str, ...]) -> str:
+def _name(effects: Names) -> str:
     return " + ".join(effects) or "the base model"
 
 
@@ -372,7 +374,7 @@ def in_full(effects: Iterable[str], variants: Mapping[str, str]) -> str:
     return " + ".join(f"{name} ({variants[name]})" if name in variants else name for name in effects)
 
 
-def either(sets: Iterable[tuple[str, ...]]) -> str:
+def either(sets: Iterable[Names]) -> str:
     """``leg_slip or bed_slope + cohesion``."""
     return " or ".join(map(" + ".join, sets))
 
