@@ -11,7 +11,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -74,39 +73,32 @@ def discover(
     called with (stage, done, total). No effect is named where robot.yaml or the table is in doubt (``plausibility``).
     Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
-    how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
-    found = _discovered(cells, effects, max_effects, **how)
+
+    def discovered(of: Cells) -> Discovery:
+        search = EffectSearch(of, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
+        return _discovered(search, max_effects)
+
+    found = discovered(cells)
     if found.verdict.status not in INCOMPLETE or not len(wrong := suspect_trials(found.fits[0], criteria)):
         return found
-    others = _discovered(cells.without(wrong), effects, max_effects, **how)
+    others = discovered(cells.without(wrong))
     if others.verdict.status in INCOMPLETE:
         return found
     return replace(others, verdict=others.verdict.with_remarks(repeat_request(cells, wrong)))
 
 
-def _discovered(
-    cells: Cells,
-    effects: Mapping[str, Effect],
-    max_effects: int,
-    *,
-    base: str,
-    criteria: Criteria,
-    fit_all: Map,
-    progress: Progress,
-) -> Discovery:
-    search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-    if doubted := in_doubt(cells):
-        doubted += or_effects(search, max_effects)
-    preset = Verdict("unexplained", (), (), doubted) if doubted else untested(cells, search.model(()), criteria)
+def _discovered(search: EffectSearch, max_effects: int) -> Discovery:
+    if doubted := in_doubt(search.cells):
+        preset: Verdict | None = Verdict("unexplained", (), (), doubted + or_effects(search, max_effects))
+    else:
+        preset = untested(search.cells, search.model(()), search.criteria)
     found, partial = search_and_judge(search, preset, max_effects)
-    return _reported(search, effects, found, partial, doubted=bool(doubted))
+    return _reported(search, found, partial, doubted=bool(doubted))
 
 
-def _reported(
-    search: EffectSearch, effects: Mapping[str, Effect], found: Judged, partial: Partial | None, *, doubted: bool
-) -> Discovery:
+def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, doubted: bool) -> Discovery:
     """All that is said of a verdict: standard errors, limits, next trials, remarks."""
-    cells, criteria, verdict = search.cells, search.criteria, found.verdict
+    cells, effects, criteria, verdict = search.cells, search.effects, search.criteria, found.verdict
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
     claimed = search.fits[verdict.effects]
     search.fits, search.effects = found.fits, {**effects, **found.named.model.catalogue}
