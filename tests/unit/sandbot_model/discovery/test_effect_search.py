@@ -8,7 +8,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import effect_search
-from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.effect_search import EffectSearch, once_per_search
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import Found
@@ -163,3 +163,22 @@ def test_a_response_time_that_nobody_believes_is_held_at_the_end_of_its_range(dr
         fit = search.fits[("depth_nonlinearity",)]
         assert dict(fit.model.held) == held
         assert "delta_t_s" not in fit.at_bounds
+
+
+def test_what_a_search_has_computed_is_kept_for_it_and_these_arguments_alone():
+    first, second = SimpleNamespace(computed={}), SimpleNamespace(computed={})
+    calls = []
+
+    @once_per_search
+    def square(search, value):
+        calls.append((search, value))
+        return value**2
+
+    @once_per_search
+    def cube(search, value):
+        return value**3
+
+    assert [square(first, 2), square(first, 2), cube(first, 2)] == [4, 4, 8]
+    assert calls == [(first, 2)]
+    assert [square(first, 3), square(second, 2)] == [9, 4]
+    assert calls == [(first, 2), (first, 3), (second, 2)]
