@@ -292,7 +292,7 @@ def searched(*fits, tried=()):
         fits={fit.effects: fit for fit in fits},
         criteria=DEFAULT,
         tried=list(tried),
-        other_conventions=list(tried),
+        computed={(singles.__wrapped__,): list(tried)},
         cells=SimpleNamespace(observables=("speed", "peak_speed")),
     )
 

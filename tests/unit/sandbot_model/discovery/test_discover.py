@@ -93,16 +93,16 @@ def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_ra
     """By a derivative Δt of 1.33 ± 0.1 s may be 1.2 s; by what the fit does beside switches it is known to 0.015 s."""
     narrow = copy.copy(FEW["stance_overlap"])
     narrow.parameters = (dataclasses.replace(narrow.parameters[0], low=0.13, high=0.5),)
-    as_before = judgement._with_errors
+    as_before = judgement.reported_fit
 
-    def with_errors(named, criteria):
-        lower, reported = as_before(named, criteria)
+    def with_errors(search, named):
+        lower, reported = as_before(search, named)
         model = model_of("simple", named.effects, {**FEW, "stance_overlap": narrow})
         return lower, dataclasses.replace(reported, model=model)
 
     cells = cells_of(drawn(("stance_overlap",), seed=6))
     assert discover(cells, FEW, max_effects=1).verdict.effects == ("stance_overlap",)
-    monkeypatch.setattr(judgement, "_with_errors", with_errors)
+    monkeypatch.setattr(judgement, "reported_fit", with_errors)
     found = discover(cells, FEW, max_effects=1).verdict
     assert found.status == "unexplained"
     assert "only with stance_overlap.eta = 0.09905 (plausible: 0.13 to 0.5)" in found.because
