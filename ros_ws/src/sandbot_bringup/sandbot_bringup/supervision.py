@@ -14,6 +14,8 @@ from sandbot_common.typed import number_or_nan
 
 LOOP = "its loop"
 """In place of a topic: any sign that a node's loop turns, its health or a heartbeat with a new loop time."""
+FRAMES = "its frames"
+"""In place of a topic: new pictures of a camera that reach the tracker, raw or compressed, not the last one again."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Sign:
         """A phrase that says what is wrong if it is absent."""
         if self.topic == LOOP:
             return f"{self.who} is stuck: no sign of its loop for {self.limit_s:g} s"
+        if self.topic == FRAMES:
+            return f"{self.who} is silent: no new frame for {self.limit_s:g} s"
         where = f" on {self.topic}" if self.topic else ""
         return f"{self.who} is silent: nothing from it{where} for {self.limit_s:g} s"
 
@@ -68,6 +72,8 @@ PACE = 0.4
 frames of 50 at rest; a camera set to another rate deviates by more."""
 OUT_OF_STEP = 0.5
 """Fraction of views without a partner beyond which only a wrong clock, not lost frames, can explain them."""
+FEW_FRAMES = 3
+"""A camera is silent after this many periods at the earliest, however slow it is."""
 _NEVER = (-math.inf, 0.0)
 
 
@@ -127,6 +133,16 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
             views = f"{lost:.0f} views without a partner for {frames:.0f} dorsal frames"
             return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
     return ""
+
+
+def frames_came(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """The cameras of which the tracker has counted new frames between two of its statuses."""
+    return [view for view in topics.VIEWS if _of(view, health.FRAMES, after) > _of(view, health.FRAMES, before)]
+
+
+def camera_silence_s(camera: str, values: Mapping[str, str], silence_s: float) -> float:
+    """How long a camera of this calibrated period, in the tracker's status, may send no new frame [s]."""
+    return max(silence_s, FEW_FRAMES * _of(camera, health.CALIBRATED_MS, values) / 1e3)
 
 
 def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
