@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sandbot_common import health, topics
-from sandbot_common.typed import number_or_nan
 
 LOOP = "its loop"
 """In place of a topic: any sign that a node's loop turns, its health or a heartbeat with a new loop time."""
@@ -128,7 +127,7 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     # Before the LED's first flash the offset between the cameras' clocks is unknown.
     if all(after.get(health.of_camera(camera, health.CLOCK)) == health.BY_THE_LED for camera in topics.VIEWS):
         shared = health.of_camera("dorsal", health.FRAMES), health.LOST_FRAMES
-        frames, lost = (_figure(after, what) - _figure(before, what) for what in shared)
+        frames, lost = (health.figure(after, what) - health.figure(before, what) for what in shared)
         if lost > OUT_OF_STEP * frames:
             views = f"{lost:.0f} views without a partner for {frames:.0f} dorsal frames"
             return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
@@ -145,27 +144,5 @@ def camera_silence_s(camera: str, values: Mapping[str, str], silence_s: float) -
     return max(silence_s, FEW_FRAMES * _of(camera, health.CALIBRATED_MS, values) / 1e3)
 
 
-def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
-    """Why a trial's camera times can't be trusted, from the tracker's health before and after it; empty if they can.
-
-    A camera that has seen the LED in an earlier trial must see it in this one. A camera that never saw it has no LED in
-    view, or films only from the flash on, as the virtual lab's do in the first trial.
-    """
-    for camera in topics.VIEWS:
-        edges, edges_after, jumps, jumps_after = (
-            _of(camera, what, values) for what in (health.LED_EDGES, health.CLOCK_JUMPS) for values in (before, after)
-        )
-        if jumps_after > jumps:
-            return f"the {camera} camera's clock jumped, or disagrees with the LED (clock_jumps)"
-        if edges and edges_after == edges:
-            return f"the {camera} camera did not see the LED, so its clock is uncertain"
-    return ""
-
-
 def _of(camera: str, what: str, values: Mapping[str, str]) -> float:
-    return _figure(values, health.of_camera(camera, what))
-
-
-def _figure(values: Mapping[str, str], name: str) -> float:
-    """A figure of a node's status: 0 before it has one, NaN if it is not a number, which exceeds nothing."""
-    return number_or_nan(values.get(name, 0))
+    return health.figure(values, health.of_camera(camera, what))
