@@ -173,9 +173,9 @@ class Cell:
         return found
 
     def last_line(self, name: str) -> str:
-        """What a process said last."""
+        """What a process said last, but for a campaign's list of what failed, each of which it told before."""
         text = (self.folder / f"{name}.log").read_text(errors="replace").replace("\r", "\n")
-        lines = [line.strip() for line in text.splitlines() if "%|" not in line]
+        lines = [line.strip() for line in text.splitlines() if "%|" not in line and not line.startswith("failed: ")]
         return next((line.replace(f"{self.folder}/", "") for line in reversed(lines) if line), "")
 
     def tracebacks(self) -> list[str]:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -527,3 +527,16 @@ def test_info_reports_on_a_file_that_is_no_bag(tmp_path, run):
     code, out, _ = run(info, [str(tmp_path / "bag.mcap")])
     assert code == 1
     assert "not the first bytes of an MCAP file" in out
+
+
+@pytest.mark.parametrize("batch", [[], ["--dry-run"]])
+def test_no_live_campaign_begins_before_the_hosts_clock_is_set(tmp_path, monkeypatch, capsys, batch):
+    """Its trials would be put before all others; what runs no trial may be asked for at any time."""
+    monkeypatch.setattr(campaign, "time", SimpleNamespace(time=lambda: 62.0))
+    (tmp_path / "plan.yaml").write_text(PLAN)
+    command = [str(tmp_path / "plan.yaml"), "--out", str(tmp_path / "out"), *batch]
+    assert campaign.main(command) == (0 if batch else 2)
+    said = capsys.readouterr().err
+    assert ("error: the host's clock shows 1970-01-01, so it has not been set yet" in said) is not bool(batch)
+    assert said.count("\n") == (0 if batch else 1)
+    assert not (tmp_path / "out").exists()

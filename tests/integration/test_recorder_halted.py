@@ -81,6 +81,6 @@ def test_nobody_walks_for_a_recorder_that_hears_nobody(tmp_path, start, plan_of_
     plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
     live = start(sys.executable, "-c", DEAF, plan, "--silence", "5", "--out", tmp_path / "live")
     beside.until(lambda: live.ended, 120.0)
-    live.until(lambda line: "failed: the recorder hears nobody" in line)
+    live.until(lambda line: "failed: the recorder receives nothing" in line)
     assert "standing" in stages
     assert "walking" not in stages

@@ -132,6 +132,72 @@ def test_a_tracker_that_is_blind_ends_the_trial(hearing):
     assert hearing.unplugged() == []
 
 
+def film(hearing, dorsal, lateral, period_ms=10.0):
+    """0.2 s pass, and the tracker tells how many new frames it has had, as with every health of it."""
+    hearing._listening.now_s += 0.2
+    for who, topic in (("clock", topics.LEG_SETPOINTS), ("robot", topics.LEG_STATES), ("bed", topics.BED_STATUS)):
+        hearing._heard(who, topic)
+    figures = {"dorsal_frames": dorsal, "lateral_frames": lateral}
+    figures |= {f"{view}_calibrated_ms": period_ms for view in topics.VIEWS}
+    hearing._on_diagnostics(messages.diagnostics(1, "tracker", figures))
+    hearing._heard("tracker", topics.SPEED)
+
+
+@pytest.mark.parametrize("idle", [True, False], ids=["films at rest, too", "films from the walk on"])
+def test_any_camera_that_falls_silent_in_the_walk_ends_the_trial(hearing, idle):
+    """One whose driver reports no health had the legs walk on for five seconds."""
+    film(hearing, 100, 100)
+    hearing.require(["tracker"])
+    for number in range(10):  # of the preparation, while nothing moves
+        film(hearing, 100 + 20 * idle * number, 100 + 20 * idle * number)
+    hearing.watch_walking()
+    for number in range(10):
+        film(hearing, 400 + 20 * number, 400 + 20 * number)
+        assert not hearing.fault()
+    silent = 0
+    while not hearing.fault():
+        silent += 1
+        film(hearing, 600 + 20 * silent, 580)
+    assert hearing.fault() == "the lateral camera is silent: no new frame for 1 s"
+    assert silent in (5, 6)
+    hearing.watch()  # legs are at rest
+    film(hearing, 1000, 580)
+    assert not hearing.fault()
+
+
+def test_a_slow_camera_is_not_taken_for_a_silent_one(hearing):
+    hearing.require(["tracker"])
+    hearing.watch_walking()
+    for number in range(40):  # a frame every 1.4 s, of 0.8 Hz by its calibration: one late, none missing
+        film(hearing, number // 7, number // 7, period_ms=1250.0)
+        assert not hearing.fault()
+    for _ in range(20):
+        film(hearing, 5, 5, period_ms=1250.0)
+    assert hearing.fault() == "the dorsal camera is silent: no new frame for 3.75 s"
+
+
+@pytest.mark.parametrize("waited_s", [0.0, 0.2])
+def test_frames_that_wait_while_the_tracker_has_no_cpu_are_no_silence(hearing, waited_s):
+    hearing.require(["tracker"])
+    hearing.watch_walking()
+    film(hearing, 20, 20)
+    hearing._neighbours.look = lambda _: {"tracker": waited_s}
+    for _ in range(8):
+        hearing.listen()
+        film(hearing, 20, 20)
+    assert bool(hearing.fault()) is (waited_s == 0.0)
+
+
+def test_the_virtual_labs_cameras_may_wait_for_their_cpu(hearing, node):
+    node.publishers |= {view.image.relative: ["lab"] for view in topics.VIEWS.values()}
+    hearing.require(["tracker"])
+    hearing.watch_walking()
+    film(hearing, 20, 20)
+    for _ in range(20):
+        film(hearing, 20, 20)
+        assert not hearing.fault()
+
+
 @pytest.mark.parametrize("level", [0, 2])
 def test_who_has_lost_a_device_is_not_told_to_start_its_driver(hearing, node, level):
     gate = Gate(node, hearing, SimpleNamespace(is_offered=lambda _: True), lambda condition, _: condition())

@@ -3,7 +3,8 @@
 import pytest
 
 from sandbot_common import host_clock
-from sandbot_common.host_clock import HostClock
+from sandbot_common.errors import InputError
+from sandbot_common.host_clock import HostClock, check_set
 
 AHEAD_NS, SECOND_NS = 1_700_000_000_000_000_000, 1_000_000_000
 
@@ -49,3 +50,9 @@ def test_the_first_reading_is_corrected_by_a_better_one(host):
     clock = HostClock()
     host.held_ns = 100
     assert (clock.look(), clock.ahead_ns()) == (0, AHEAD_NS)
+
+
+def test_a_clock_that_nobody_has_set_yet_is_named():
+    with pytest.raises(InputError, match=r"the host's clock shows 1970-01-01, so it has not been set yet"):
+        check_set(62.0)
+    check_set(AHEAD_NS * 1e-9)

@@ -1,9 +1,16 @@
 """The simulated devices: what they can't be made of is answered before there is any."""
 
+import contextlib
 import io
+import os
+import signal
+import subprocess
+import sys
 from functools import partial
+from subprocess import PIPE
 from types import SimpleNamespace
 
+import psutil
 import pytest
 import yaml
 
@@ -61,8 +68,47 @@ def test_a_mistyped_order_is_told_and_the_devices_go_on(tmp_path, monkeypatch, c
         def cable(self, do, name):
             pulled.append((do, name))
 
+        def close(self):
+            pulled.append("closed")
+
     monkeypatch.setattr(simulate, "Trackway", Devices)
     monkeypatch.setattr("sys.stdin", io.StringIO("pul legs\npull legs\n"))
     assert simulate_command.main([str(tmp_path)]) == cli.INTERRUPTED
-    assert pulled == [("pull", "legs")]
+    assert pulled == [("pull", "legs"), "closed"]
     assert "error: 'pul legs' is not pull or plug with one of" in capsys.readouterr().err
+
+
+@pytest.fixture
+def devices(tmp_path):
+    """The simulated devices, and the process of their cameras."""
+    command = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(tmp_path / "devices")]
+    process = subprocess.Popen(command, stdout=PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    assert process.stdout.readline().startswith("devices: ")
+    (cameras,) = [one for one in psutil.Process(process.pid).children() if "--multiprocessing-fork" in one.cmdline()]
+    yield process, cameras
+    for one in (process, cameras):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            one.kill()
+    process.communicate()
+
+
+def test_devices_end_with_the_process_of_their_cameras(devices):
+    """They went on, and their cameras were silent for no reason that anybody told."""
+    process, cameras = devices
+    cameras.kill()
+    said = process.communicate(timeout=60)[0]
+    assert said.endswith("error: the process of the simulated cameras has ended; start all devices again\n")
+    assert process.returncode == 2
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_ctrl_c_ends_all_devices_in_one_line(devices, frozen):
+    """Frozen cameras kept all of them from ending."""
+    process, cameras = devices
+    if frozen:
+        cameras.suspend()
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    said = process.communicate(timeout=60)[0]
+    assert said.splitlines() == ["simulate_command.py: interrupted; what was finished is kept"]
+    assert process.returncode == cli.INTERRUPTED
+    cameras.wait(timeout=60)

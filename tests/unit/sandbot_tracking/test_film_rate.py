@@ -1,5 +1,8 @@
 """Frames are timed by the calibration, or by the film where that says nothing; where they disagree it is said."""
 
+from fractions import Fraction
+
+import av
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +10,7 @@ import yaml
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import camera_from_mapping
-from sandbot_tracking.film_rate import film_rate
+from sandbot_tracking.film_rate import FrameNumbers, film_rate
 from sandbot_tracking.tools import track_video
 from sandbot_tracking.videos import track
 
@@ -100,3 +103,70 @@ def test_a_film_that_knows_no_rate_needs_one_given(nothing):
     with pytest.raises(InputError, match=r"top.avi: says no frame rate: give frame_rate_hz in cameras.yaml"):
         film_rate({"dorsal": camera()}, {"top.avi": nothing})
     assert film_rate({"dorsal": camera(frame_rate_hz=200.0)}, {"top.avi": nothing}) == (200.0, "")
+
+
+def stamped(path, scene, *, lost=(), knock_px=0.0):
+    """The same, each frame with a time stamp of its own; without the ``lost`` frames; knocked after a third of them."""
+    rng = np.random.default_rng(1)
+    bed = scene.grains(rng, (240, 320))
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("ffv1", rate=50)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "gray"
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for n in range(FRAMES):
+            picture = scene.frame(rng, [(40.0 + STEP_PX * n, 120.0)], bed=bed)
+            if n >= FRAMES // 3:
+                picture = np.roll(picture, round(knock_px), axis=1)
+            frame = av.VideoFrame.from_ndarray(picture, format="gray")
+            frame.pts, frame.time_base = 20 * n, Fraction(1, 1000)
+            film.mux(stream.encode(frame) if n not in lost else [])
+        film.mux(stream.encode(None))
+    return path
+
+
+@pytest.mark.parametrize("rate", [{}, {"frame_rate_hz": FILM_HZ}], ids=["the film's", "calibrated"])
+@pytest.mark.parametrize("lost", [(), range(20, 35)], ids=["whole", "cut"])
+def test_frames_that_a_film_lacks_leave_a_gap_in_time(tmp_path, scene, lost, rate):
+    """Times were counted by frame: as if the marker had jumped, 25 % too fast."""
+    path = stamped(tmp_path / "film.mkv", scene, lost=lost)
+    found = track(path, {"dorsal": camera(**rate)})
+    numbers = [n for n in range(FRAMES) if n not in lost]
+    assert found.t_s == pytest.approx(np.array(numbers) / FILM_HZ, rel=1e-3)
+    mean = (found.com_m[-1, 0] - found.com_m[0, 0]) / (found.t_s[-1] - found.t_s[0])
+    assert mean == pytest.approx(STEP_PX * METRES_A_PX * FILM_HZ, rel=0.01)
+    assert found.timing.endswith("15 frames are missing in the film") is bool(lost)
+
+
+def test_films_in_which_different_frames_are_missing_are_not_in_step(tmp_path, scene):
+    whole, cut = (stamped(tmp_path / f"{lost}.mkv", scene, lost=lost) for lost in ((), (30,)))
+    cameras = {"dorsal": camera(), "lateral": camera()}
+    with pytest.raises(InputError, match=r"not in step from frame 30 on, by their own time stamps"):
+        track(whole, cameras, lateral=cut)
+    assert track(cut, cameras).t_s[30] == pytest.approx(31 / FILM_HZ)
+
+
+@pytest.mark.parametrize(
+    ("stamps_s", "numbers"),
+    [
+        ([], []),
+        ([0.0], [0]),
+        ([0.0, 0.0, 0.0], [0, 1, 2]),  # a container without stamps
+        ([0.0, 0.04, 0.02, 0.06, 0.10], [0, 1, 2, 3, 4]),
+        ([0.0, 0.033, 0.067, 0.1, 0.2, 0.233], [0, 1, 2, 3, 6, 7]),  # in whole milliseconds
+        ([5.0, 5.03, 5.06, 5.1, 5.13], [0, 1, 2, 3, 4]),  # a telephone's, in uneven steps
+    ],
+)
+def test_frames_are_numbered_by_their_stamps(stamps_s, numbers):
+    film = FrameNumbers()
+    assert [film.add(stamp_s) for stamp_s in stamps_s] == numbers
+    assert film.missing == (numbers[-1] + 1 - len(numbers) if numbers else 0)
+
+
+@pytest.mark.parametrize("knock_px", [0, 10])
+def test_a_film_of_a_camera_that_was_knocked_gives_no_observables(tmp_path, scene, capsys, knock_px):
+    path = stamped(tmp_path / "film.mkv", scene, knock_px=knock_px)
+    (tmp_path / "cameras.yaml").write_text(yaml.safe_dump({"dorsal": DORSAL | {"frame_rate_hz": FILM_HZ}}))
+    assert track_video.main([str(path), "--cameras", str(tmp_path / "cameras.yaml"), "--omega", "40"]) == 0
+    printed = capsys.readouterr().out
+    assert ("film.mkv: the camera has moved by 10.0 px during the film" in printed) is bool(knock_px)
+    assert ("speed nan" in printed) is bool(knock_px)

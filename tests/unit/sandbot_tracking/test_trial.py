@@ -304,3 +304,13 @@ def test_a_film_in_which_no_step_has_both_its_ends_has_no_peak_and_no_warning(re
         return
     with pytest.raises(NotMeasured, match="0 frames in steady steps"):
         fold.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_a_trial_without_frames_is_no_warning_of_numpy(count):
+    """A tracker that saw nothing had three lines of numpy printed by the campaign, before the reason."""
+    t = np.arange(count) * 0.01
+    summary = summarise(t, 0 * t, 0 * t, 0 * t, *legs(8.0, 4.0))
+    assert math.isnan(summary.speed_m_s)
+    assert (summary.reason == "no frames") is (count < 2)
+    assert summary.reason

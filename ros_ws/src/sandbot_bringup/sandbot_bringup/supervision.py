@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sandbot_common import health, topics
-from sandbot_common.typed import number_or_nan
 
 LOOP = "its loop"
 """In place of a topic: any sign that a node's loop turns, its health or a heartbeat with a new loop time."""
+FRAMES = "its frames"
+"""In place of a topic: new pictures of a camera that reach the tracker, raw or compressed, not the last one again."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Sign:
         """A phrase that says what is wrong if it is absent."""
         if self.topic == LOOP:
             return f"{self.who} is stuck: no sign of its loop for {self.limit_s:g} s"
+        if self.topic == FRAMES:
+            return f"{self.who} is silent: no new frame for {self.limit_s:g} s"
         where = f" on {self.topic}" if self.topic else ""
         return f"{self.who} is silent: nothing from it{where} for {self.limit_s:g} s"
 
@@ -68,6 +71,8 @@ PACE = 0.4
 frames of 50 at rest; a camera set to another rate deviates by more."""
 OUT_OF_STEP = 0.5
 """Fraction of views without a partner beyond which only a wrong clock, not lost frames, can explain them."""
+FEW_FRAMES = 3
+"""A camera is silent after this many periods at the earliest, however slow it is."""
 _NEVER = (-math.inf, 0.0)
 
 
@@ -122,34 +127,22 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     # Before the LED's first flash the offset between the cameras' clocks is unknown.
     if all(after.get(health.of_camera(camera, health.CLOCK)) == health.BY_THE_LED for camera in topics.VIEWS):
         shared = health.of_camera("dorsal", health.FRAMES), health.LOST_FRAMES
-        frames, lost = (_figure(after, what) - _figure(before, what) for what in shared)
+        frames, lost = (health.figure(after, what) - health.figure(before, what) for what in shared)
         if lost > OUT_OF_STEP * frames:
             views = f"{lost:.0f} views without a partner for {frames:.0f} dorsal frames"
             return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
     return ""
 
 
-def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
-    """Why a trial's camera times can't be trusted, from the tracker's health before and after it; empty if they can.
+def frames_came(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """The cameras of which the tracker has counted new frames between two of its statuses."""
+    return [view for view in topics.VIEWS if _of(view, health.FRAMES, after) > _of(view, health.FRAMES, before)]
 
-    A camera that has seen the LED in an earlier trial must see it in this one. A camera that never saw it has no LED in
-    view, or films only from the flash on, as the virtual lab's do in the first trial.
-    """
-    for camera in topics.VIEWS:
-        edges, edges_after, jumps, jumps_after = (
-            _of(camera, what, values) for what in (health.LED_EDGES, health.CLOCK_JUMPS) for values in (before, after)
-        )
-        if jumps_after > jumps:
-            return f"the {camera} camera's clock jumped, or disagrees with the LED (clock_jumps)"
-        if edges and edges_after == edges:
-            return f"the {camera} camera did not see the LED, so its clock is uncertain"
-    return ""
+
+def camera_silence_s(camera: str, values: Mapping[str, str], silence_s: float) -> float:
+    """How long a camera of this calibrated period, in the tracker's status, may send no new frame [s]."""
+    return max(silence_s, FEW_FRAMES * _of(camera, health.CALIBRATED_MS, values) / 1e3)
 
 
 def _of(camera: str, what: str, values: Mapping[str, str]) -> float:
-    return _figure(values, health.of_camera(camera, what))
-
-
-def _figure(values: Mapping[str, str], name: str) -> float:
-    """A figure of a node's status: 0 before it has one, NaN if it is not a number, which exceeds nothing."""
-    return number_or_nan(values.get(name, 0))
+    return health.figure(values, health.of_camera(camera, what))

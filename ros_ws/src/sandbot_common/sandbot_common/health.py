@@ -3,6 +3,10 @@
 What only people read is named where it is measured.
 """
 
+from collections.abc import Mapping
+
+from sandbot_common.typed import number_or_nan
+
 PROCESS = "process"
 """Of every node: which process it is, for nodes on the same host (``process.Neighbour``)."""
 AIR_STOPS = "air_stops"
@@ -16,6 +20,8 @@ CLOCK, BY_THE_LED = "clock", "by the LED"
 """Of a camera: how its clock was set to the robot's time, and the one way that is exact."""
 LED_EDGES, CLOCK_JUMPS = "led_edges", "clock_jumps"
 """Of a camera: flashes seen, and how often its clock disagreed with them."""
+MOVED_PX = "moved_px"
+"""Of a camera: how far it has moved since the legs of this trial began to walk [px]; 0 if it stands still."""
 
 _ENDED = "ended: "
 
@@ -23,6 +29,11 @@ _ENDED = "ended: "
 def of_camera(camera: str, figure: str) -> str:
     """The name of a camera's figure among those of the tracker."""
     return f"{camera}_{figure}"
+
+
+def figure(values: Mapping[str, str], name: str) -> float:
+    """A figure of a node's status: 0 before it has one, NaN if it is not a number, which exceeds nothing."""
+    return number_or_nan(values.get(name, 0))
 
 
 def ending(why: str) -> str:

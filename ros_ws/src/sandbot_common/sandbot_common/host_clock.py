@@ -5,8 +5,27 @@ reading between two of the monotonic clock bounds it, however long the process i
 """
 
 import time
+from datetime import UTC, datetime
+
+from sandbot_common.errors import InputError
 
 _ROUNDING_NS = 1000
+_FIRST_YEAR = 2000
+"""A board without a battery begins in 1970 until NTP has set its clock."""
+
+
+def never_set(moment: datetime) -> bool:
+    """Whether a time of day is that of a clock which nobody has set yet."""
+    return moment.year < _FIRST_YEAR
+
+
+def check_set(now_s: float) -> None:
+    """Raise InputError if nobody has set the host's clock yet, which shows ``now_s`` since 1970."""
+    if never_set(now := datetime.fromtimestamp(now_s, UTC)):
+        raise InputError(
+            f"the host's clock shows {now:%Y-%m-%d}, so it has not been set yet, and trials would be put in a wrong "
+            "order; wait for NTP, or set it with timedatectl"
+        )
 
 
 class HostClock:

@@ -4,6 +4,7 @@ It receives the same set-points as the robot and simulates the same robot with t
 devices' time, so transmission delays don't matter.
 """
 
+import signal
 import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
@@ -37,6 +38,7 @@ def film(
 
     ``boot_s``: the monotonic time at which the devices' time is 0; orders carry device time [ns].
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches it, too, but the devices end together
     warm_up(sections)
     ask_for_real_time(PRIORITY)
     films = _Films(folder, sections, robot, seed, boot_s)

@@ -56,21 +56,31 @@ class Trackway:
         self._films, orders = context.Pipe()
         self._orders: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
         filmed = {name: sections[name] for name in CAMERAS}  # the file may have other sections, such as accuracy
-        context.Process(target=film, args=(folder, filmed, robot, seed, self._boot_s, orders), daemon=True).start()
+        self._filming = context.Process(
+            target=film, args=(folder, filmed, robot, seed, self._boot_s, orders), daemon=True
+        )
+        self._filming.start()
         orders.close()
         self._films.recv()
         # Before the thread, which inherits it: cameras that learn of the first step late still show the LED dark.
         ask_for_real_time(PRIORITY)
         threading.Thread(target=self._direct, name="films", daemon=True).start()
 
+    def close(self) -> None:
+        """End the cameras' process, a frozen one as well, for which an ordinary exit would wait."""
+        self._filming.kill()
+
     def now_s(self) -> float:
         """The devices' time."""
         return time.monotonic() - self._boot_s
 
     def step(self) -> None:
-        """Wait briefly for lines, obey them, and run the watchdogs."""
+        """Wait briefly for lines, obey them, and run the watchdogs. Raises InputError if the cameras' process ended."""
         by_file = {port.master: name for name, port in self.ports.items() if port.master is not None}
-        ready, _, _ = select.select(list(by_file), [], [], TICK_S)
+        cameras = self._filming.sentinel
+        ready, _, _ = select.select([*by_file, cameras], [], [], TICK_S)
+        if cameras in ready:
+            raise InputError("the process of the simulated cameras has ended; start all devices again")
         for file in ready:
             name = by_file[file]
             try:

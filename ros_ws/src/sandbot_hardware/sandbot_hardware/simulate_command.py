@@ -10,6 +10,7 @@ import queue
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from sandbot_common import cli
@@ -60,13 +61,14 @@ def _simulate(argv: Sequence[str]) -> int:
 
     threading.Thread(target=listen, name="stdin", daemon=True).start()
     print("devices: " + " ".join(str(options.folder / name) for name in PORTS), flush=True)
-    while True:
-        trackway.step()
-        while not orders.empty():
-            try:
-                obey(trackway, orders.get())
-            except InputError as error:  # mistyped: the devices go on
-                print(f"error: {error}", file=sys.stderr, flush=True)
+    with closing(trackway):
+        while True:
+            trackway.step()
+            while not orders.empty():
+                try:
+                    obey(trackway, orders.get())
+                except InputError as error:  # mistyped: the devices go on
+                    print(f"error: {error}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

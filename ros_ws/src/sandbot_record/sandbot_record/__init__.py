@@ -26,6 +26,7 @@ trials/
   setting         what all trials share: robot, frame rate, accuracy
   from_bags       one bag to one row; a campaign to a table, in parallel; cache: so that no bag is read twice
   judge           whether a trial went as planned; publishers: whether it alone published; legs: by name
+  camera_reports  whether the tracker trusted its cameras
   film            kept frames with the tracked marks drawn on them; film_strip: a few of them
 nodes/            recorder_node and replay_node connect them to ROS
 tools/            record, replay, recover, info, table

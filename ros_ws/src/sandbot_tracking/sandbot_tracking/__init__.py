@@ -20,6 +20,7 @@ lens            a camera from a chessboard and from points in space
 live            the same frame by frame, while a trial runs
   pixels        image messages to grey pixels
   camera_clock  a camera's clock against the robot's; frame_times: period, jitter and frames lost
+  standpoint    whether a camera stays where it stood when the trial began
   latency       from exposure to speed
 speed           velocity from positions in real time, without lag
 smooth          velocity from positions afterwards

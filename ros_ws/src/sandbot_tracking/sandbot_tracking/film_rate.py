@@ -1,16 +1,52 @@
 """The frame rate of a film: from the calibration, else from the film's own header.
 
 A high-speed film often states the rate at which it is played, so cameras.yaml takes precedence; but as every speed is
-proportional to the rate, a film that states another one is reported.
+proportional to the rate, a film that states another one is reported. Frames that are missing, as its own stamps show,
+leave a gap in time.
 """
 
+from collections import deque
 from collections.abc import Mapping
+
+import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera
 
 TOLERANCE = 0.01
 """Relative difference up to which two rates agree: 29.97 is 30."""
+RECENT = 50
+"""Steps between stamps whose median is the period of a film; a telephone's may vary."""
+
+
+class FrameNumbers:
+    """The number of each frame of a film by its own stamps: one is left out for each frame that is missing."""
+
+    def __init__(self) -> None:
+        self.numbers: list[int] = []
+        self._stamps_s: list[float] = []
+        self._steps_s: deque[float] = deque(maxlen=RECENT)
+
+    def add(self, stamp_s: float) -> int:
+        """The number of the next frame. A stamp that does not grow, as in a container without any, says nothing."""
+        step_s = stamp_s - self._stamps_s[-1] if self._stamps_s else 0.0
+        more = max(round(step_s / float(np.median(self._steps_s))), 1) if self._steps_s and step_s > 0 else 1
+        if step_s > 0:
+            self._steps_s.append(step_s)
+        self.numbers.append(self.numbers[-1] + more if self.numbers else 0)
+        self._stamps_s.append(stamp_s)
+        return self.numbers[-1]
+
+    @property
+    def missing(self) -> int:
+        """How many frames are missing so far."""
+        return self.numbers[-1] + 1 - len(self.numbers) if self.numbers else 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Over the whole film, as each stamp may be rounded to a millisecond; 0 if unknown."""
+        span_s = self._stamps_s[-1] - self._stamps_s[0] if self._stamps_s else 0.0
+        return self.numbers[-1] / span_s if span_s > 0 else 0.0
 
 
 def film_rate(cameras: Mapping[str, Camera], films_hz: Mapping[str, float]) -> tuple[float, str]:

@@ -23,6 +23,7 @@ from sandbot_tracking.offline import Axles, OfflineTracker, Sample, check_size
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
 from sandbot_tracking.speed import HarmonicSpeed
+from sandbot_tracking.standpoint import Standpoint
 
 MAX_HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""
@@ -54,6 +55,8 @@ class LiveView:
     def __init__(self, camera: Camera) -> None:
         period_s = 1.0 / camera.frame_rate_hz
         self.shape = camera.height, camera.width
+        self._rate_hz = camera.frame_rate_hz
+        self.standpoint = Standpoint(camera.frame_rate_hz)
         self.times = FrameTimes(period_s)
         self.clock = CameraClock(period_s, camera.exposure_s, led=camera.led_region is not None)
         self.unplaced = self.frozen = 0
@@ -84,6 +87,10 @@ class LiveView:
             self.held.clear()
         return True
 
+    def stand(self) -> None:
+        """A trial begins: the camera must stay where it stands."""
+        self.standpoint = Standpoint(self._rate_hz)
+
     @property
     def figures(self) -> dict[str, object]:
         """Figures of its clock and its frames' stamps, for /diagnostics."""
@@ -106,6 +113,7 @@ class LiveView:
             "led_missed": clock.missed,
             "led_unannounced": clock.unannounced,
             health.CLOCK_JUMPS: clock.jumps,
+            health.MOVED_PX: f"{self.standpoint.moved_px:.1f}",
         }
 
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
@@ -158,6 +166,15 @@ class LiveTracker:
             values |= {health.of_camera(camera, what): value for what, value in (view.figures | markers).items()}
         return values
 
+    @property
+    def moved(self) -> str:
+        """The cameras that no longer stand where they stood when the trial began; empty if all do."""
+        return "; ".join(
+            f"{name}: the camera has moved by {view.standpoint.moved_px:.1f} px; calibrate it, then restart the tracker"
+            for name, view in self.views.items()
+            if view.standpoint.moved_px
+        )
+
     def _begin(self, start_ns: int) -> None:
         """Start a trial: the robot has been carried back to the start, so its markers are searched for again."""
         self.tracker = OfflineTracker(self._cameras, self.dimensions, keep=False)
@@ -181,6 +198,7 @@ class LiveTracker:
         self._begin(edge_ns)
         for view in self.views.values():
             view.led(edge_ns)
+            view.stand()
         return self._placed()
 
     def legs(self, t_ns: int, angles: Floats, received_ns: int) -> None:
@@ -197,6 +215,8 @@ class LiveTracker:
         check_size(pixels, self._cameras[camera], camera)  # first: a camera set to another size gives no frames
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
+        if self._walking:
+            view.standpoint.see(pixels)
         tracker = self.tracker
         see = tracker.see_body if camera == "dorsal" else tracker.see_axles
         view.hold(t_ns, see(t_ns / NANO, pixels))
@@ -224,6 +244,12 @@ class LiveTracker:
     def _robot_now(self, received_ns: int) -> int | None:
         """The robot's time now, extrapolated from its last message."""
         return None if self._robot is None else self._robot[0] + received_ns - self._robot[1]
+
+    @property
+    def _walking(self) -> bool:
+        """Whether legs turn in a trial: before and after it, the bed is blown and people reach into the picture."""
+        robot = self._robot
+        return self._start_ns > 0 and robot is not None and self.tracker.clock.omega_rad_s(robot[0] / NANO) is not None
 
     def _placed(self) -> list[tuple[int, Sample]]:
         """Samples of all held frames, once the clocks of all running cameras are known."""

@@ -31,6 +31,8 @@ class Source:
         self._first: Frame | None = mono8(first, self.name)
         self.height, self.width = self._first.shape
         self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
+        self.stamp_s = self._stamp_s()
+        """Of the last frame read, by the film's own clock; of a film without one it does not grow."""
 
     def __enter__(self) -> "Source":
         return self
@@ -48,7 +50,11 @@ class Source:
             first, self._first = self._first, None
             return first
         ok, frame = self._capture.read()
+        self.stamp_s = self._stamp_s()
         return mono8(frame, self.name) if ok and frame is not None else None
+
+    def _stamp_s(self) -> float:
+        return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
 
     def close(self) -> None:
         """Release the file or device."""

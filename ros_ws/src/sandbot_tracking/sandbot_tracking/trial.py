@@ -95,6 +95,8 @@ def summarise(
     _check(t, (x, front, rear))
     moving = t >= start_s
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
+    if t.size < 2:
+        return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, "no frames")
     try:
         edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + robot.leg_mount_rad, start_s)
     except NotMeasured as why:

@@ -1,8 +1,8 @@
 """Landmarks, forward speed and the trial's observables from marker videos, in one call."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +16,12 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
 from sandbot_common.typed import check_types
 from sandbot_tracking.calibration import Camera, read_cameras
-from sandbot_tracking.film_rate import film_rate
+from sandbot_tracking.film_rate import FrameNumbers, film_rate
 from sandbot_tracking.led import LedEdge
-from sandbot_tracking.offline import OfflineTracker
+from sandbot_tracking.offline import Landmarks, OfflineTracker
 from sandbot_tracking.smooth import smooth
 from sandbot_tracking.source import Source
+from sandbot_tracking.standpoint import Standpoint
 from sandbot_tracking.trial import TrialSummary, summarise
 
 if TYPE_CHECKING:
@@ -48,12 +49,14 @@ class Track:
     summary: TrialSummary | None
     """The trial's observables; None if ``omega_rad_s`` was not given."""
     timing: str = ""
-    """The source of the frame rate, if calibration and films do not agree."""
+    """The source of the frame rate, if calibration and films do not agree, and how many frames are missing."""
+    moved: str = ""
+    """Which camera has moved since its first frame, so that positions are wrong."""
 
     def __repr__(self) -> str:
         missing = int(np.isnan(self.com_m[:, 0]).sum())
         first = f"Track of {self.t_s.size} frames, {missing} without the centre of mass, start at {self.start_s:.3f} s"
-        first += f"; {self.timing}" if self.timing else ""
+        first = "; ".join(filter(None, (first, self.timing, self.moved)))
         return first if self.summary is None else f"{first}\n{self.summary}"
 
     def columns(self) -> dict[str, Floats]:
@@ -106,16 +109,19 @@ def track(
     cameras = _cameras(calibration, ("dorsal",) if lateral is None else tuple(topics.VIEWS))
     walker = robot if isinstance(robot, Robot) else read_robot(robot)
     tracker = OfflineTracker(cameras, walker, omega_rad_s=omega_rad_s)
-    led_s, timing = _follow(tracker, cameras, str(video), None if lateral is None else str(lateral))
-    marks = tracker.landmarks()
+    films = _Films(cameras, str(video), None if lateral is None else str(lateral))
+    led_s = films.follow(tracker)
+    marks = replace(tracker.landmarks(), t_s=films.t_s)
     try:
         speed = smooth(marks.t_s, marks.com[:, 0])
     except InputError as error:
         raise InputError(f"{video}: centre-of-mass marker: {error}") from None
     start = start_s if start_s is not None else led_s if led_s is not None else 0.0
-    summary = None if omega_rad_s is None else observables(tracker, omega_rad_s, start, walker)
+    summary = None if omega_rad_s is None else observables(marks, omega_rad_s, start, walker)
+    if summary is not None and films.moved:
+        summary = TrialSummary(*(np.nan,) * 5, summary.frames, summary.gaps, 0, "a camera has moved")
     seen = marks.t_s, marks.com, marks.front_axle, marks.rear_axle
-    return Track(*seen, speed.v, np.sqrt(speed.var), start, summary, timing)
+    return Track(*seen, speed.v, np.sqrt(speed.var), start, summary, films.timing, films.moved)
 
 
 def _cameras(calibration: str | Path | Mapping[str, Camera], wanted: tuple[str, ...]) -> dict[str, Camera]:
@@ -127,26 +133,59 @@ def _cameras(calibration: str | Path | Mapping[str, Camera], wanted: tuple[str, 
     return {name: cameras[name] for name in wanted}
 
 
-def _follow(
-    tracker: OfflineTracker, cameras: Mapping[str, Camera], dorsal: str, lateral: str | None
-) -> tuple[float | None, str]:
-    """Track the videos to their ends; returns when the dorsal camera's LED goes on [s], None if that is not seen, and
-    the note of ``film_rate``."""
-    region = cameras["dorsal"].led_region
-    led, edge_s = LedEdge(region) if region else None, None
-    with Source(dorsal) as top, Source(lateral) if lateral else nullcontext() as side:
-        rate_hz, timing = film_rate(cameras, {film.name: film.rate_hz for film in (top, side) if film is not None})
-        for n, (above, beside) in enumerate(zip_longest(top, side or ())):
-            t_s = n / rate_hz
-            tracker.update(t_s, above, beside)
-            if led is not None and above is not None and led.update(above) and edge_s is None:
-                edge_s = t_s
-    return edge_s, timing
+class _Films:
+    """The videos of one trial, of cameras in step."""
+
+    def __init__(self, cameras: Mapping[str, Camera], dorsal: str, lateral: str | None) -> None:
+        self._cameras, self._dorsal, self._lateral = cameras, dorsal, lateral
+        self.t_s: Floats = np.empty(0)
+        """Time of each frame since the first, (n,); set by ``follow``, like the others."""
+        self.timing = self.moved = ""
+
+    def follow(self, tracker: OfflineTracker) -> float | None:
+        """Track the videos to their ends; returns when the dorsal camera's LED goes on [s], None if it is not seen."""
+        region = self._cameras["dorsal"].led_region
+        led, edge = LedEdge(region) if region else None, None
+        with Source(self._dorsal) as top, Source(self._lateral) if self._lateral else nullcontext() as side:
+            films = [film for film in (top, side) if film is not None]
+            rate_hz, _ = film_rate(self._cameras, {film.name: film.rate_hz for film in films})
+            stands, numbers = [Standpoint(rate_hz) for _ in films], [FrameNumbers() for _ in films]
+            for n, pair in enumerate(zip_longest(*films)):
+                shown = [each for each in zip(films, pair, stands, numbers, strict=True) if each[1] is not None]
+                number = max(of.add(film.stamp_s) for film, _, _, of in shown)
+                for _, frame, camera, _ in shown:
+                    camera.see(frame)
+                above, beside = (*pair, None)[:2]
+                tracker.update(number / rate_hz, above, beside)
+                if led is not None and above is not None and led.update(above) and edge is None:
+                    edge = n
+        self._set_times(films, numbers)
+        self.moved = "; ".join(
+            f"{film.name}: the camera has moved by {camera.moved_px:.1f} px during the film: positions are wrong"
+            for film, camera in zip(films, stands, strict=True)
+            if camera.moved_px
+        )
+        return None if edge is None else float(self.t_s[edge])
+
+    def _set_times(self, films: Sequence[Source], numbers: Sequence[FrameNumbers]) -> None:
+        """Times by the films' own stamps where frames are missing. Raises InputError if not the same are in both."""
+        for n, (above, beside) in enumerate(zip(numbers[0].numbers, numbers[-1].numbers, strict=False)):
+            if above != beside:
+                raise InputError(
+                    f"{films[0].name}, {films[-1].name}: not in step from frame {n} on, by their own time stamps: "
+                    "frames are missing in one of them"
+                )
+        longest = max(numbers, key=lambda of: len(of.numbers))
+        # With frames missing, the rate in a container is a mean over the gaps.
+        own = [of.rate_hz if longest.missing else film.rate_hz for film, of in zip(films, numbers, strict=True)]
+        rate_hz, timing = film_rate(self._cameras, {film.name: hz for film, hz in zip(films, own, strict=True)})
+        lost = f"{longest.missing} frames are missing in the film" if longest.missing else ""
+        self.t_s = np.array(longest.numbers) / rate_hz
+        self.timing = "; ".join(filter(None, (timing, lost)))
 
 
-def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float, robot: Robot = SANDBOT) -> TrialSummary:
+def observables(marks: Landmarks, omega_rad_s: float, start_s: float, robot: Robot = SANDBOT) -> TrialSummary:
     """The trial's observables for legs that turn uniformly at ω from the start on."""
-    marks = tracker.landmarks()
     leg_t = np.arange(start_s, marks.t_s[-1] + 1e-9, min(0.005, 0.5 / omega_rad_s))
     turn = omega_rad_s * (leg_t - start_s)
     angles = turn[:, None] - np.array([np.pi / 2] * 3 + [3 * np.pi / 2] * 3)

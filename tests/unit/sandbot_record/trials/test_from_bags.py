@@ -40,6 +40,20 @@ def test_order_and_time_come_from_the_plan(tmp_path):
     assert math.isnan(plain.run_order)
 
 
+@pytest.mark.parametrize(
+    ("start", "started"),
+    [
+        ("1970-01-01T00:01:02.345+00:00", ""),  # a board without a battery, before NTP
+        ("2000-01-01T00:00:00+00:00", "2000-01-01T00:00:00+00:00"),
+        ("Monday", "Monday"),
+    ],
+)
+def test_the_time_of_a_clock_that_nobody_had_set_is_not_known(tmp_path, start, started):
+    """It would put this trial before all others."""
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", plan=bags.PLAN | {"start": start}))
+    assert (row.started, row.status) == (started, "ok")
+
+
 def test_the_speed_follows_the_landmarks(tmp_path):
     """Negative control of the above: another speed in the bag is another speed in the row."""
     assert table.row_from_bag(bags.trial_bag(tmp_path / "b", speed=0.1)).speed_m_s == pytest.approx(0.1, rel=1e-3)

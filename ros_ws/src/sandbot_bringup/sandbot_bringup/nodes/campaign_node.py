@@ -31,7 +31,7 @@ from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.preparation import Preparation
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import SILENCE_S, camera_fault
+from sandbot_bringup.supervision import SILENCE_S
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.health import ending, has_ended
@@ -46,6 +46,7 @@ from sandbot_common.ros.ros_parameters import refuse_parameters
 from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
+from sandbot_record.trials.camera_reports import camera_fault
 from sandbot_record.trials.from_bags import plan_of, row_from_bag
 from sandbot_record.trials.table import OK, Row
 

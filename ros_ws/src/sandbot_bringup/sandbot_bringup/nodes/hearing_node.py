@@ -9,12 +9,21 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
+from sandbot_bringup.supervision import (
+    BEATS,
+    FRAMES,
+    LOOP,
+    Listening,
+    Sign,
+    Supervisor,
+    camera_silence_s,
+    frames_came,
+)
 from sandbot_common import messages, topics
 from sandbot_common.health import PROCESS, has_ended
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
-from sandbot_common.ros.endpoints import subscription
+from sandbot_common.ros.endpoints import names_of, subscription
 from sandbot_common.typed import number_or_nan
 
 QUIET_S = 3.0
@@ -23,8 +32,11 @@ DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral", "dors
 """Each reports on /diagnostics if its cable is out. Required once heard, as third-party ones need not report health."""
 RECORDER = "recorder"
 
-_ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
-"""The source of leg reports, and which of our nodes it may be."""
+_ROBOT = "robot"
+"""The source of leg reports."""
+_CAMERAS = {view: f"{view} camera" for view in topics.VIEWS}
+_STARVED_WITH = {"lab": (_ROBOT,), "serial_legs": (_ROBOT,), "tracker": tuple(_CAMERAS.values())}
+"""Who can't be heard while one of our nodes has no CPU: the robot whose legs it reports, the cameras it follows."""
 # Its first frame may take seconds if nothing is compiled yet; a dead tracker is noticed sooner, as its node is silent.
 TRACKER_SPEED = Sign("tracker", topics.SPEED.name, 5.0)
 STEADY_S = 0.5
@@ -65,6 +77,10 @@ class Hearing:
         self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
         self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
+        self._walking, self._gate_s = False, -math.inf
+        self._publishers = node.get_publishers_info_by_topic
+        self._rendered: set[str] = set()
+        """Views of the virtual lab, which renders frames when it has time; if it dies, so does the robot."""
         self._recorder_pid = 0
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(node, topics.LEG_STATES, self._on_legs)
@@ -85,7 +101,7 @@ class Hearing:
         now_s = time.monotonic()
         self._listening.look(now_s)
         for who, starved_s in self._neighbours.look(now_s).items():
-            for name in (who, _ROBOT) if who in _ROBOTS else (who,):
+            for name in (who, *_STARVED_WITH.get(who, ())):
                 self._supervisor.starved(name, starved_s)
 
     def forget_trial(self) -> None:
@@ -94,7 +110,11 @@ class Hearing:
         self.may_move, self.prepared = False, None
 
     def require(self, names: Sequence[str]) -> None:
-        """From now on these nodes, and the bed's status, are vital."""
+        """From now on these nodes, and the bed's status, are vital; a trial is about to begin."""
+        self._gate_s = self.now_s
+        self._rendered = {
+            name for name, view in topics.VIEWS.items() if "lab" in names_of(self._publishers(view.image.relative))
+        }
         self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
 
     def expect_recorder(self, pid: int) -> None:
@@ -116,6 +136,7 @@ class Hearing:
 
     def watch(self, *more: Sign) -> None:
         """From now on no vital node may fall silent, nor any of ``more``."""
+        self._walking = False
         beats = (
             Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS)
             for sign in self._vital
@@ -126,10 +147,20 @@ class Hearing:
         self._supervisor.watch(*more, *self._vital, *beating, now_s=self.now_s)
 
     def watch_walking(self) -> None:
-        """The same while legs walk: set-points, the robot's reports and the tracker's speeds must also keep coming."""
+        """The same while legs walk: set-points, the robot's reports, speeds and frames must also keep coming."""
         steady_s = max(STEADY_S, self._silence_s / 2)
         steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
-        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
+        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED, *self._filming())
+        self._walking = True
+
+    def _filming(self) -> list[Sign]:
+        """The cameras that have sent a frame since the trial's gate, whoever drives them, as the tracker counts."""
+        counted = self.statuses.get("tracker", NodeStatus()).values
+        return [
+            Sign(who, FRAMES, camera_silence_s(view, counted, self._silence_s))
+            for view, who in _CAMERAS.items()
+            if view not in self._rendered and self.heard_since(who, self._gate_s)
+        ]
 
     @property
     def reports_legs(self) -> bool:
@@ -252,4 +283,14 @@ class Hearing:
                 continue
             self._heard(status.name, topics.DIAGNOSTICS)
             self._supervisor.heard(status.name, LOOP, self.now_s)
+            if status.name == "tracker":
+                self._on_frames(values)
             self.statuses[status.name] = NodeStatus(status.level[0], status.message, values)
+
+    def _on_frames(self, counted: Mapping[str, str]) -> None:
+        """The tracker has counted the cameras' frames."""
+        before = self.statuses.get("tracker", NodeStatus()).values
+        for view in frames_came(before, counted):
+            self._supervisor.heard(_CAMERAS[view], FRAMES, self.now_s)
+        if self._walking:
+            self.watch_walking()  # a camera may have begun

@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import functools
+import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,7 @@ from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
+from sandbot_common.host_clock import check_set
 from sandbot_common.parameters import specs
 from sandbot_common.terminal import counted, filled
 from sandbot_common.yaml_text import load_yaml, parse_yaml
@@ -71,6 +73,7 @@ def command(argv: Sequence[str]) -> int:
             # Imported here, as the live runner starts ROS; batch and dry runs must not.
             from sandbot_bringup.nodes.live_node import run_live
 
+            check_set(time.time())
             silence_s = SILENCE_S if options.silence is None else options.silence
             queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
             # Its plan may have grown.

@@ -21,12 +21,14 @@ from sandbot_hardware.port import Port, fixed
 from sandbot_hardware.serial_camera_parameters import SerialCameraParameters
 from sandbot_tracking.calibration import read_cameras
 
+NAME = "serial_camera"
+
 
 class SerialCamera(Node):
     """Publishes each frame as it arrives."""
 
     def __init__(self) -> None:
-        super().__init__("serial_camera")
+        super().__init__(NAME)
         given = ros_parameters.Parameters(self, SerialCameraParameters, fixed).current
         self._frame = topics.optical_frame(given.camera)
         self._device_clock, self._host_clock = DeviceClock(), HostClock()
@@ -37,19 +39,20 @@ class SerialCamera(Node):
                 raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
             used = cameras[given.camera]
             self._info = messages.camera_info(0, self._frame, (used.width, used.height), used.matrix, used.distortion)
+        # Told apart by their names: nodes of the usual one may be those of both views.
+        self._health = ros_health.Health(self, self._figures, sole=self.get_name() != NAME)
         view = topics.VIEWS[given.camera]
         self._image, self._camera_info = endpoints.publisher(self, view.image), endpoints.publisher(self, view.info)
         self._frames = self._unreadable = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning)
-        self._health = ros_health.Health(self, self._figures)
 
     def close(self) -> None:
         """Release the line."""
         self._port.close()
 
     def _heard(self, line: Line, received_ns: int) -> None:
-        if line.kind != "C" or not line.block:
-            return
+        if line.kind != "C" or not line.block or not self._health.settled:
+            return  # before it is settled, another node may be publishing this view
         pixels = cv2.imdecode(np.frombuffer(line.block, np.uint8), cv2.IMREAD_GRAYSCALE)
         if pixels is None:
             self._unreadable += 1

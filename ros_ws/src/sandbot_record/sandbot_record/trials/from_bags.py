@@ -5,7 +5,9 @@ The rows of a campaign are cached next to its trials (``cache``), so that only n
 
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from sandbot_common import files, separated, topics
 from sandbot_common.arrays import Floats
 from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
+from sandbot_common.host_clock import never_set
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import FILE, SANDBOT, Robot
 from sandbot_common.typed import number_or_nan
@@ -299,9 +302,12 @@ def _row_or_reason(bag: Path) -> Measured | str:
 
 
 def _started(bag: Bag, plan: dict[str, Any]) -> str:
-    """When the trial was run; empty for a simulated one."""
-    simulated = bag.provenance.get("trial", {}).get("clock") == "simulated"
-    return "" if simulated else str(plan.get("start") or "")
+    """When the trial was run; empty for a simulated one, or if the host's clock was not set yet."""
+    start = str(plan.get("start") or "")
+    unknown = bag.provenance.get("trial", {}).get("clock") == "simulated"
+    with suppress(ValueError):
+        unknown = unknown or never_set(datetime.fromisoformat(start))
+    return "" if unknown else start
 
 
 def _exit_status(bag: Bag) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sandbot_common import topics
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
+from sandbot_record.trials import camera_reports
 from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
@@ -65,6 +66,7 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
         or _commands(bag, moving)
         or _periodic(bag, moving, omega_rad_s)
         or _robot(bag, start_ns, end_ns)
+        or camera_reports.fault(bag)
         or _tracking(bag, start_ns, end_ns)
         or _bed(bag, start_ns, end_ns)
         or _recording(bag)

@@ -171,7 +171,7 @@ class TrackerNode(Node):
             warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
         text = "; ".join(warning for warning in warnings if warning)
         self._health.level, self._health.text = (1, text) if text else (0, "ok")
-        if blind := self._unusable.blind:
+        if blind := "; ".join(why for why in (self._unusable.blind, self._live.moved) if why):
             self._health.level, self._health.text = 2, blind  # a trial ends, as by a camera without frames
         return {**self._latency.values(), **self._live.figures}
 

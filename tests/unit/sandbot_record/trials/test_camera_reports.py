@@ -1,0 +1,65 @@
+"""What the tracker reports of its cameras, as a campaign hears it and as a bag of whoever recorded it holds it."""
+
+import bags
+import pytest
+
+from sandbot_common import messages, topics
+from sandbot_record.trials.camera_reports import camera_fault
+from sandbot_record.trials.from_bags import row_from_bag
+
+
+def eyes(edges, jumps=0, moved_px=0.0):
+    lateral = {"led_edges": edges, "clock_jumps": jumps, "moved_px": moved_px}
+    return {"dorsal_led_edges": "3", "dorsal_clock_jumps": "0", "dorsal_moved_px": "0.0"} | {
+        f"lateral_{what}": str(value) for what, value in lateral.items()
+    }
+
+
+SAW = {"dorsal_led_edges": "4"}
+
+
+def test_cameras_must_see_the_led_of_each_trial_once_they_have_seen_one():
+    assert camera_fault(eyes(2), eyes(3) | SAW) == ""
+    assert camera_fault(eyes(0), eyes(0) | SAW) == ""
+    assert camera_fault({}, {}) == ""
+    assert "the lateral camera did not see the LED" in camera_fault(eyes(2), eyes(2) | SAW)
+    assert "the lateral camera's clock jumped, or disagrees" in camera_fault(eyes(2), eyes(3, jumps=1) | SAW)
+    assert camera_fault(eyes(2, 1), eyes(3, 1) | SAW) == ""  # in an earlier trial
+    moved = camera_fault(eyes(2), eyes(3, moved_px=9.96) | SAW)
+    assert moved == "the lateral camera moved by 10.0 px during the trial (moved_px)"
+
+
+@pytest.mark.parametrize("odd", ["", "abc", "nan", "0", "1.5", "-3", "1" * 5000])
+def test_what_a_tracker_says_that_is_no_number_ends_no_campaign(odd):
+    before, after = eyes(2), eyes(3) | SAW
+    for name in after:
+        assert isinstance(camera_fault(before, after | {name: odd}), str)
+
+
+@pytest.mark.parametrize(
+    ("name", "reports", "said"),
+    [
+        ("tracker", [(-0.1, eyes(0)), (2.0, eyes(1) | SAW), (4.1, eyes(1) | SAW)], "ok"),
+        ("tracker", [(-0.1, eyes(0, 2)), (2.0, eyes(1, 3) | SAW)], "the lateral camera's clock jumped"),
+        ("tracker", [(-0.1, eyes(0)), (2.0, eyes(1, 0, 9.9) | SAW)], "the lateral camera moved by 9.9 px"),
+        ("tracker", [(-0.2, eyes(0, 2)), (-0.1, eyes(0, 3)), (2.0, eyes(1, 3) | SAW)], "ok"),
+        ("tracker", [(2.0, eyes(1, 3)), (3.0, eyes(1, 4))], "ok"),  # what was before is not known
+        ("tracker2", [(-0.1, eyes(0, 2)), (2.0, eyes(1, 3) | SAW)], "ok"),
+    ],
+)
+def test_a_bag_that_no_campaign_recorded_is_judged_alike(tmp_path, name, reports, said):
+    """As of `record` by hand, or of frames that were tracked again: such a row was ok, its speed 17 % too high."""
+    told = [(topics.DIAGNOSTICS, t_s, messages.diagnostics(0, name, values)) for t_s, values in reports]
+    assert row_from_bag(bags.trial_bag(tmp_path / "b", more=told)).status.startswith(said)
+
+
+def test_the_last_words_of_a_tracker_that_ends_are_no_report(tmp_path):
+    told = [
+        (topics.DIAGNOSTICS, t_s, messages.diagnostics(0, "tracker", values, level=level, text=text))
+        for t_s, values, level, text in [
+            (-0.1, eyes(2), 0, "ok"),
+            (2.0, eyes(3) | SAW, 0, "ok"),
+            (4.1, {}, 2, "ended: SIGINT"),
+        ]
+    ]
+    assert row_from_bag(bags.trial_bag(tmp_path / "b", more=told)).status == "ok"
