@@ -34,14 +34,14 @@ video.src = address;
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory, batch_campaign):
+def campaign(tmp_path_factory, batch_campaign, slow_cameras):
     """Eight trials of the virtual lab in bags, one of them torn; the frames of one are kept."""
     folder = tmp_path_factory.mktemp("campaign") / "campaign"
     plan = folder.parent / "plan.yaml"
     small = (
         "name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\nperiods: 4\n"
     )
-    plan.write_text(small)
+    plan.write_text(f"{small}cameras: {slow_cameras}\n")
     assert batch_campaign(plan, "--out", folder) == 0
     (folder / "trials.csv").unlink()
     torn = folder / "trials" / TORN / f"{TORN}_0.mcap"
