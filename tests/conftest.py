@@ -194,6 +194,22 @@ def batch_campaign() -> Callable[..., int]:
     return run
 
 
+@pytest.fixture(scope="session")
+def slow_cameras(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project's cameras at 50 Hz: two of them rendered, sent and tracked at 100 Hz fill a core."""
+    import yaml
+
+    from sandbot_common.config import config_file
+    from sandbot_common.topics import VIEWS
+
+    content = yaml.safe_load(config_file("cameras.yaml").read_text())
+    for view in VIEWS:
+        content[view]["frame_rate_hz"] = 50.0
+    path = tmp_path_factory.mktemp("cameras") / "slow.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """Address of a cluster of two worker processes that know nothing of this one's memory."""

@@ -64,10 +64,12 @@ class Page:
     def press(self, name):
         self.driver.find_element(By.ID, name).click()
 
-    def choose(self, group, value):
+    def click(self, css):
         """By the element, not by its place: effects are sorted and folded as their fits come in."""
-        one = self.driver.find_element(By.CSS_SELECTOR, f"#{group} input[value='{value}']")
-        self.driver.execute_script("arguments[0].click()", one)
+        self.driver.execute_script("arguments[0].click()", self.driver.find_element(By.CSS_SELECTOR, css))
+
+    def choose(self, group, value):
+        self.click(f"#{group} input[value='{value}']")
 
     def fitted(self):
         """Wait for the errors of all effects: their order is then final."""

@@ -84,25 +84,23 @@ def test_controls_used_before_the_page_has_answered_all_count(page, folder):
 
 def test_a_wrong_formula_gives_a_message_and_loses_nothing_a_right_one_is_fitted(page, address):
     page.open(f"{address}?effect={HIDDEN}").unfold()
-    # The list of effects moves what is below it, and a press meant for the button meets an effect.
-    page.fitted()
     before, address_before = page.text("status"), page.driver.current_url
     box = page.driver.find_element(By.ID, "formula")
     box.send_keys("boost: strength k*2")
-    page.press("add")
+    page.click("#add")
     page.until(lambda: "expected" in page.text("message"))
     assert (page.text("status"), page.driver.current_url) == (before, address_before)
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys(BOOST)
     page.until(lambda: "a from -5 to 5" in page.text("formula-read"))
     assert page.driver.find_elements(By.CSS_SELECTOR, "#formula-read math")
-    page.press("add")
+    page.click("#add")
     page.until(lambda: "disturbed ground + boost" in page.text("status") and page.text("message") == "")
     # Another one, with a symbol by a press on it.
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys("more: strength: k*(1 + b*")
     page.unfold()
-    page.driver.find_element(By.CSS_SELECTOR, "[data-symbol='φ']").click()
+    page.click("[data-symbol='φ']")
     page.until(lambda: "is not an expression" in page.text("formula-read"))
     page.keys("); b in 0..1")
     page.until(lambda: "b from 0 to 1" in page.text("formula-read"))

@@ -18,7 +18,7 @@ from selenium.webdriver.common.keys import Keys
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
 from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.report import write_comparison
+from sandbot_model.report import atlas_section, write_comparison
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -34,14 +34,14 @@ video.src = address;
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory, batch_campaign):
+def campaign(tmp_path_factory, batch_campaign, slow_cameras):
     """Eight trials of the virtual lab in bags, one of them torn; the frames of one are kept."""
     folder = tmp_path_factory.mktemp("campaign") / "campaign"
     plan = folder.parent / "plan.yaml"
     small = (
         "name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\nperiods: 4\n"
     )
-    plan.write_text(small)
+    plan.write_text(f"{small}cameras: {slow_cameras}\n")
     assert batch_campaign(plan, "--out", folder) == 0
     (folder / "trials.csv").unlink()
     torn = folder / "trials" / TORN / f"{TORN}_0.mcap"
@@ -160,8 +160,11 @@ def told(driver, event):
     driver.execute_script("window.dispatchEvent(new Event(arguments[0]))", event)
 
 
-def test_a_report_prints_alike_before_and_after_a_resize_and_fills_the_screen_again(page, downloads, trials):
+def test_a_report_prints_alike_before_and_after_a_resize_and_fills_the_screen_again(
+    page, downloads, trials, monkeypatch
+):
     """Paper has its own width and height; a resize of the window changes neither."""
+    monkeypatch.setattr(atlas_section, "PLATES", ())  # pictures, which nothing draws anew
     path = downloads / "printed.html"
     write_comparison(path, compare(cells_of(trials), EFFECTS), trials, title="report")
     sizes = partial(page.driver.execute_script, SIZES)

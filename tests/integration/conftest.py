@@ -11,9 +11,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sandbot_common.config import config_file
-from sandbot_common.topics import VIEWS
-
 
 class Process:
     """A real process whose output lines can be awaited; its stdin is a terminal at which keys can be struck."""
@@ -131,17 +128,6 @@ def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
-
-
-@pytest.fixture(scope="session")
-def slow_cameras(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The project's cameras at 50 Hz: two of them rendered, sent and tracked at 100 Hz fill a core."""
-    content = yaml.safe_load(config_file("cameras.yaml").read_text())
-    for view in VIEWS:
-        content[view]["frame_rate_hz"] = 50.0
-    path = tmp_path_factory.mktemp("cameras") / "slow.yaml"
-    path.write_text(yaml.safe_dump(content))
-    return path
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 PLAN = """
 name: thinking
-seed: 7
+seed: 8
 gait: UNIFORM
 images: none
 phi: [0.58, 0.61, 0.633]

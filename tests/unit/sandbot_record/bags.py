@@ -13,6 +13,8 @@ from sandbot_record.bags import interfaces
 from sandbot_record.bags.writer import BagWriter
 
 T0 = 1_700_000_000_000_000_000
+START = T0 + 300_000_000
+"""When legs start in a trial."""
 OMEGA = 8.0
 PLAN = {
     "trial_id": "t0001",
@@ -46,6 +48,31 @@ def serialize(message, type_name: str) -> bytes:
     return bytes(interfaces.store().serialize_cdr(message, type_name))
 
 
+@functools.cache  # 2150 messages, the same in most bags
+def walk(speed: float, joints: tuple[tuple[int, str], ...]) -> list[tuple[int, topics.Topic, bytes]]:
+    """What is tracked of a trial of constant speed, and its legs: place and name of each joint."""
+    places, names = (list(one) for one in zip(*joints, strict=True))
+    found = []
+    for index in range(430):
+        t_ns = T0 + index * 10_000_000
+        t_s = max(0.0, (t_ns - START) * 1e-9)
+        lift = 0.025 + 0.01 * abs(math.sin(OMEGA * t_s))
+        for topic, point in (
+            (topics.COM, (0.1 + speed * t_s, 0.0, math.nan)),
+            (topics.FRONT_AXLE, (0.2 + speed * t_s, math.nan, lift)),
+            (topics.REAR_AXLE, (0.0 + speed * t_s, math.nan, lift)),
+        ):
+            found.append((t_ns, topic, to_cdr(messages.point(t_ns, point))))
+    for index in range(860):
+        t_ns = T0 + index * 5_000_000
+        t_s = max(0.0, (t_ns - START) * 1e-9)
+        angles = (OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi)[places]
+        rest = np.zeros(len(angles))
+        message = messages.joint_state(t_ns, names, angles, rest + OMEGA, rest)
+        found.append((t_ns, topics.LEG_STATES, to_cdr(message)))
+    return found
+
+
 def trial_bag(
     path: Path,
     *,
@@ -63,33 +90,20 @@ def trial_bag(
     ``kept(topic, t_s)``: which messages stay, t = 0 where legs start; ``more``: (topic, t_s, message) beside them;
     ``files``: text by name, attached; ``legs``: places and names of the joints, in the order they are recorded in.
     """
-    joints = dict(enumerate(topics.LEGS)) if legs is None else legs
-    given: list[tuple[int, topics.Topic, bytes]] = []
-
-    def add(topic, t_ns, message):
-        if topic.name not in without and kept(topic, (t_ns - T0) * 1e-9 - 0.3):
-            given.append((t_ns, topic, to_cdr(message)))
-
-    start = T0 + 300_000_000
-    add(topics.TRIAL, T0, messages.string(json.dumps(PLAN if plan is None else plan)))
-    add(topics.BED_PHI, T0, messages.float64(0.6213))
-    add(topics.BED_STATUS, T0, messages.diagnostics(T0, "bed", {"stage": "ready", "phi_sd": 0.0015}))
-    add(topics.SYNC_LED, start, messages.header(start, "sync_led"))
-    for index in range(430):
-        t_ns = T0 + index * 10_000_000
-        t_s = max(0.0, (t_ns - start) * 1e-9)
-        lift = 0.025 + 0.01 * abs(math.sin(OMEGA * t_s))
-        add(topics.COM, t_ns, messages.point(t_ns, (0.1 + speed * t_s, 0.0, math.nan)))
-        add(topics.FRONT_AXLE, t_ns, messages.point(t_ns, (0.2 + speed * t_s, math.nan, lift)))
-        add(topics.REAR_AXLE, t_ns, messages.point(t_ns, (0.0 + speed * t_s, math.nan, lift)))
-    for index in range(860):
-        t_ns = T0 + index * 5_000_000
-        t_s = max(0.0, (t_ns - start) * 1e-9)
-        angles = (OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi)[list(joints)]
-        rest = np.zeros(len(angles))
-        add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, list(joints.values()), angles, rest + OMEGA, rest))
+    said = [
+        (T0, topics.TRIAL, to_cdr(messages.string(json.dumps(PLAN if plan is None else plan)))),
+        (T0, topics.BED_PHI, to_cdr(messages.float64(0.6213))),
+        (T0, topics.BED_STATUS, to_cdr(messages.diagnostics(T0, "bed", {"stage": "ready", "phi_sd": 0.0015}))),
+        (START, topics.SYNC_LED, to_cdr(messages.header(START, "sync_led"))),
+        *walk(speed, tuple((dict(enumerate(topics.LEGS)) if legs is None else legs).items())),
+    ]
+    given = [
+        (t_ns, topic, cdr)
+        for t_ns, topic, cdr in said
+        if topic.name not in without and kept(topic, (t_ns - T0) * 1e-9 - 0.3)
+    ]
     for topic, t_s, message in more:
-        given.append((start + round(t_s * 1e9), topic, to_cdr(message)))
+        given.append((START + round(t_s * 1e9), topic, to_cdr(message)))
     with BagWriter(path) as writer:
         for t_ns, topic, cdr in sorted(given, key=lambda one: one[0]):
             writer.write(topic, cdr, t_ns)

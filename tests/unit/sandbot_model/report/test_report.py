@@ -91,9 +91,9 @@ def page(tmp_path_factory, discovery, trials):
 
 
 @pytest.fixture
-def one_plate(monkeypatch):
-    """The atlas is cut to one plate: eleven take ten times as long as the rest of a page."""
-    monkeypatch.setattr(atlas_section, "PLATES", atlas_section.PLATES[:1])
+def no_plates(monkeypatch):
+    """No figures of the atlas: they take ten times as long as the rest of a page."""
+    monkeypatch.setattr(atlas_section, "PLATES", ())
 
 
 def without_plotly(page):
@@ -112,7 +112,7 @@ def table(page, heading):
     return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", section[: section.index("</section>")]))
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_formulas_of_the_effects_are_typeset(page, fits, tmp_path, trials):
     """One effect in the last step: the catalogue's statements, each on its line, and where they are seen; the base
     model alone has none.
@@ -156,7 +156,7 @@ def head_of(path):
     return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", page[page.index("<header>") : page.index("</header>")]))
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery, fits, trials):
     """Of a set that is identified, and of all that can't be told apart; control: nothing is named."""
     identified = replace(
@@ -191,7 +191,7 @@ def test_each_effect_named_is_told_in_words_with_its_numbers(tmp_path, discovery
     assert "grains" not in none
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fits, trials):
     other = compare(cells_of(trials), EFFECTS, ["cable_drag"])[-1]
     write_report(tmp_path / "r.html", replace(discovery, fits=(fits[-1], other)), trials, title="r")
@@ -206,7 +206,7 @@ def test_sets_that_can_not_be_told_apart_are_shown_alike(tmp_path, discovery, fi
     assert "Error of each model" in page
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_a_verdict_depends_on_a_robot_nobody_named(tmp_path, discovery, fits, trials):
     def head(status, robot):
         found = replace(discovery, verdict=Verdict(status, (), (), "no set fits"), steps=fits[:1])
@@ -283,7 +283,7 @@ def test_no_two_things_on_the_page_have_one_name(page):
     assert len(names) == len(set(names))
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_one_step_needs_no_slider(tmp_path, fits, trials):
     write_comparison(tmp_path / "one.html", fits[:1], trials, title="one")
     assert 'id="rung"' not in without_plotly((tmp_path / "one.html").read_text(encoding="utf-8"))
@@ -347,7 +347,7 @@ def test_a_residual_has_the_digits_of_its_standard_error(discovery):
     assert "-0.052 cm" in fails(fit, 1)
 
 
-@pytest.mark.usefixtures("one_plate")
+@pytest.mark.usefixtures("no_plates")
 def test_what_a_claim_takes_is_not_said_where_nothing_is_claimed(tmp_path, fits, trials):
     write_comparison(tmp_path / "c.html", fits, trials, title="c")
     page = (tmp_path / "c.html").read_text(encoding="utf-8")
@@ -412,7 +412,7 @@ def test_excluded_trials_are_named_with_the_reason(trials, fits):
     assert provenance(trials, fits[0].cells).excluded == ()
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("no_plates")
 def test_what_is_odd_about_the_trials_stands_at_the_top(trials, fits, tmp_path):
     odd = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
     for name, given in (("clean", trials), ("odd", odd)):
