@@ -40,9 +40,10 @@ def same_ground(monkeypatch):
 
 
 def test_live_row_equals_batch_row_and_speed_is_seen_live(
-    tmp_path, start, plan_of_one, quick_bed, same_ground, batch_campaign, finished
+    tmp_path, start, plan_of_one, quick_bed, same_ground, batch_campaign, finished, slow_cameras
 ):
     plan = plan_of_one(omega_rad_s=[12.0, 20.0])
+    walk_s = read_plan(plan).duration_s(20.0)
     assert batch_campaign(plan, "--out", tmp_path / "batch") == 0
 
     start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed, f"lab.phi:={PHI}")
@@ -56,6 +57,10 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(
     # they are 10 ms apart, and that each is tracked, is ours.
     rate.until(lambda line: line.startswith("average rate"))
     rate.stop()
+    wrong = plan_of_one(name="two", cameras=str(slow_cameras))
+    refused = start("ros2", "run", "sandbot_bringup", "campaign", wrong, "--out", tmp_path / "wrong")
+    assert refused.wait(60) == 2
+    assert "the tracker measures by another calibration than" in " ".join(refused.lines)
     bag = Bag.open(tmp_path / "live" / "trials" / TRIAL)
     stamps = bag.columns(topics.SPEED.name, *FIELD_STAMP).stamp_ns
     assert np.median(np.diff(stamps)) == 10_000_000
@@ -81,7 +86,7 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(
     assert kept[: len(tracked)].tolist() == tracked.tolist()
     legs = filmed.columns(topics.LEG_STATES.name, "velocity", *FIELD_STAMP)
     start_ns = legs.stamp_ns[(legs["velocity"] != 0.0).any(axis=1)][0]
-    assert (kept[len(tracked) :] >= start_ns + 1e9 * read_plan(plan).duration_s(20.0)).all()
+    assert (kept[len(tracked) :] >= start_ns + 1e9 * walk_s).all()
     told = bag.provenance["trial"]
     known = ("id", "plan", "parameters", "software_version", "commit", "start", "clock", "exit_status")
     assert [name for name in known if not told.get(name)] == []

@@ -4,14 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.nodes.gate_node import Gate
 from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.health import PROCESS
+from sandbot_common.health import CALIBRATION, PROCESS
 from sandbot_common.ros.endpoints import NAMELESS
+from sandbot_tracking.calibration import cameras_from_mapping, fingerprint
 
 
 class Node:
@@ -68,7 +71,7 @@ def test_two_nodes_that_publish_what_a_row_is_made_of_end_trial_and_campaign(hea
     node.publishers[topics.SPEED.relative] = ["tracker", "rosbag2_player"]  # no row is made of it
     assert hearing.fault() == said
     gate = Gate(node, hearing, None, lambda condition, _: condition())
-    gate._pace = lambda _: None
+    gate._pace = gate._same_cameras = lambda _: None
     hearing.missing = list
     folder = SimpleNamespace(path=tmp_path)
     if not said:
@@ -196,6 +199,23 @@ def test_the_virtual_labs_cameras_may_wait_for_their_cpu(hearing, node):
     for _ in range(20):
         film(hearing, 20, 20)
         assert not hearing.fault()
+
+
+@pytest.mark.parametrize("tracked", ["the same", "another", "by a third party's tracker"])
+def test_the_tracker_must_measure_by_the_calibration_that_bags_state(hearing, node, tmp_path, tracked):
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = lambda _: None
+    hearing.missing = list
+    path, content = tmp_path / "cameras.yaml", yaml.safe_load(config_file("cameras.yaml").read_text())
+    path.write_text(yaml.safe_dump(content))
+    content["lateral"]["fx"] *= 1.05 if tracked == "another" else 1.0
+    own = {} if "third" in tracked else {CALIBRATION: fingerprint(cameras_from_mapping(content, "cameras"))}
+    hearing._on_diagnostics(messages.diagnostics(1, "tracker", own))
+    if tracked != "another":
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
+        return
+    with pytest.raises(CampaignEnds, match=f"another calibration than {path}; start it with cameras:={path}"):
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
 
 
 @pytest.mark.parametrize("level", [0, 2])

@@ -13,6 +13,8 @@ AIR_STOPS = "air_stops"
 """Of a blower's driver: how often it has turned the air off by itself, against its orders."""
 LOST_FRAMES = "lost_frames"
 """Of the tracker: views without a partner."""
+CALIBRATION = "calibration"
+"""Of the tracker: the fingerprint of its cameras' calibration."""
 
 FRAMES, PERIOD_MS, CALIBRATED_MS = "frames", "period_ms", "calibrated_ms"
 """Of a camera: new frames, and their period as stamped and as calibrated [ms]."""

@@ -8,6 +8,7 @@ Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to cam
 axes). Lens model: OpenCV's (k1, k2, p1, p2, k3).
 """
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -203,6 +204,11 @@ def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
         raise InputError(f"{where}: rotation: {rows!r} is not 3 rows of 3 numbers")
     return tuple(tuple(row) for row in matrix.tolist())
+
+
+def fingerprint(cameras: Mapping[str, Camera]) -> str:
+    """Eight hexadecimal digits that are the same for the same calibrations, however their file is laid out."""
+    return f"{zlib.crc32(repr(sorted(cameras.items())).encode()):08x}"
 
 
 def cameras_from_mapping(content: Any, where: str) -> dict[str, Camera]:

@@ -15,7 +15,9 @@ from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
+from sandbot_common.health import CALIBRATION
 from sandbot_common.ros.endpoints import NAMELESS, names_of
+from sandbot_tracking.calibration import fingerprint, read_cameras
 
 DISCOVERY_S = 20.0
 """The longest that nodes which just started take to be discovered on a busy machine."""
@@ -70,6 +72,7 @@ class Gate:
         if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
             where = topics.LEG_STATES.name
             raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
+        self._same_cameras(folder)
         self._pace(bed)
         for topic in topics.COMMANDS:
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
@@ -82,6 +85,13 @@ class Gate:
             free = shutil.disk_usage(folder.path).free
         if free < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+
+    def _same_cameras(self, folder: CampaignFolder) -> None:
+        """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
+        path = folder.path / "cameras.yaml"
+        if self._hearing.statuses["tracker"].values.get(CALIBRATION) not in (None, fingerprint(read_cameras(path))):
+            wrong = f"the tracker measures by another calibration than {path}"
+            raise CampaignEnds(f"{wrong}; start it with cameras:={path}, then start the campaign again to go on")
 
     def _with_remedy(self, missing: str) -> str:
         """What to do about it; a driver that has lost its device explains it, and is running already."""

@@ -9,14 +9,14 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from sandbot_common import messages, topics
+from sandbot_common import health, messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.topics import Topic
-from sandbot_tracking.calibration import read_cameras
+from sandbot_tracking.calibration import fingerprint, read_cameras
 from sandbot_tracking.latency import Latency
 from sandbot_tracking.live import LiveTracker, warm_up
 from sandbot_tracking.offline import Sample
@@ -99,6 +99,7 @@ class TrackerNode(Node):
         cameras = read_cameras(path)
         if "dorsal" not in cameras:
             raise InputError(f"{path}: no 'dorsal' camera in it")
+        self._calibration = fingerprint(cameras)
         robot = read_robot(given.robot or config_file("robot.yaml"))
         # Before subscribing: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)
@@ -173,7 +174,7 @@ class TrackerNode(Node):
         self._health.level, self._health.text = (1, text) if text else (0, "ok")
         if blind := "; ".join(why for why in (self._unusable.blind, self._live.moved) if why):
             self._health.level, self._health.text = 2, blind  # a trial ends, as by a camera without frames
-        return {**self._latency.values(), **self._live.figures}
+        return {health.CALIBRATION: self._calibration, **self._latency.values(), **self._live.figures}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
