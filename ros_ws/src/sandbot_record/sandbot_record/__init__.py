@@ -20,7 +20,7 @@ bags/             (knows nothing of trials)
   foreign         bags of other storages and encodings, read through rosbags; translate: messages of other releases
 trials/
   read            read_trials: one table from a campaign folder, bags or CSV files
-  table           Trials: one row per trial; columns: what they hold; order, copies: of its rows
+  table           Trials: one row per trial; columns: what they hold; order, copies, gaits: of its rows
   same_trials     trials that two tables share; agreement: in the digits that both give
   csv_table       from and to CSV; header: which column a name means, in which unit; frame: from pandas
   setting         what all trials share: robot, frame rate, accuracy

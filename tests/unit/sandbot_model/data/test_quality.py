@@ -173,6 +173,21 @@ def test_a_0_of_a_trial_that_walked_is_named(column):
     assert any(f"{count} of 60 {column} are exactly 0 though {count} of these trials walked" in note for note in notes)
 
 
+def test_an_end_of_the_reading_that_many_walkers_share_is_named():
+    """A ruler that ends at 7 mm, and one that shows no less than 4 mm."""
+    for lift, value in (
+        (np.minimum(CLEAN.lift_m, 0.007), "0.007, its largest"),
+        (np.maximum(CLEAN.lift_m, 0.004), "0.004, its smallest"),
+    ):
+        notes = checked(replace(CLEAN, lift_m=lift))
+        assert any(f"lift_m is {value} value, in" in note for note in notes)
+
+
+def test_rounding_is_no_end_of_the_reading():
+    rounded = checked(replace(CLEAN, lift_m=np.round(CLEAN.lift_m, 3), speed_m_s=np.round(CLEAN.speed_m_s, 2)))
+    assert not any("does the reading end there" in note for note in rounded)
+
+
 def test_a_lift_of_0_of_a_swimmer_is_none_to_name():
     assert checked(changed("lift_m", CLEAN.speed_m_s < 0.03, 0.0)) == ()
 

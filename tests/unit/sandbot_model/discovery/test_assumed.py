@@ -30,15 +30,24 @@ def found(trials):
 @pytest.mark.parametrize(
     ("given", "criteria", "named"),
     [
-        ({"robot": None, "accuracy": None, "gait": ""}, DEFAULT, ["robot", "gait not given", "cameras", "bed"]),
+        (
+            {"robot": None, "accuracy": None, "gait": ""},
+            DEFAULT,
+            ["robot", "gait not given", "cameras", "bed", "order of trials"],
+        ),
         ({"robot": None, "accuracy": None, "gait": ""}, None, ["robot", "gait not given", "cameras"]),
-        (GIVEN | {"gait": "HGCS"}, of_bed(0.005, None), []),
+        (GIVEN | {"gait": "HGCS"}, of_bed(0.005, None), ["order of trials"]),
     ],
-    ids=["a verdict, nothing given", "without a verdict", "all given"],
+    ids=["a verdict, nothing given", "without a verdict", "all but the order given"],
 )
 def test_every_assumption_is_named_and_nothing_that_is_given(trials, given, criteria, named):
     some = replace(trials, **given | {"gait": np.full(len(trials), given["gait"])})
     assert [line.split(":")[0] for line in assumed(some, cells_of(some), criteria)] == named
+
+
+def test_where_the_order_is_given_a_drift_is_fitted_and_none_is_assumed(trials):
+    some = replace(trials, **GIVEN, gait=np.full(len(trials), "HGCS"), run_order=np.arange(float(len(trials))))
+    assert assumed(some, cells_of(some), of_bed(0.005, None)) == ()
 
 
 @pytest.mark.parametrize(("fails_at", "gait"), [("UNIFORM", ""), ("UNIFORM", "SGCS"), ("none", "")])

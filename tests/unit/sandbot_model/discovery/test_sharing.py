@@ -127,6 +127,28 @@ def test_of_two_readings_that_which_is_off_is_named(drawn):
     assert "lift zero" not in because
 
 
+def with_lift_scaled(table, scale):
+    return from_rows([dataclasses.replace(row, lift_m=scale * row.lift_m) for row in table.rows()])
+
+
+def test_a_lift_read_too_large_looks_like_a_loss_of_speed_and_is_said(drawn):
+    few = {name: effect for name, effect in catalogue().items() if name in ("disturbed_ground", "stance_overlap")}
+    scaled = discover(cells_of(with_lift_scaled(drawn(seed=2, levels=7, noise=0.4), 1.15)), few, max_effects=1).verdict
+    assert scaled.effects == ("stance_overlap",)
+    assert re.search(r"a scale of the lift off by 1[3-7] ± .* would explain as much", scaled.because)
+    disturbed = discover(cells_of(drawn(("disturbed_ground",), seed=2, levels=7)), few, max_effects=1).verdict
+    assert disturbed.effects == ("disturbed_ground",)
+    assert "scale of the lift" not in disturbed.because
+
+
+def test_a_lift_read_too_small_is_no_explanation_but_is_said(drawn):
+    """No effect adds to the speed of legs that are as deep as the lift says."""
+    few = {name: effect for name, effect in catalogue().items() if name in ("disturbed_ground", "stance_overlap")}
+    far = discover(cells_of(with_lift_scaled(drawn(seed=2, levels=7, noise=0.4), 0.85)), few, max_effects=1).verdict
+    assert far.status == "unexplained"
+    assert re.search(r"a scale of the lift off by -1[3-9] ± .* would leave nothing to explain: check that", far.because)
+
+
 def test_a_pair_that_stands_beside_nuisances_ends_no_search_among_single_effects(drawn):
     """It was found beyond the best of them, and its rivals have not been tried yet."""
     few = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "swimming_thrust")}
@@ -236,7 +258,7 @@ def test_how_far_batches_differ_is_told_apart(drawn):
 def test_an_overlap_is_no_lift_zero(drawn):
     found = verdict(table(drawn, ("stance_overlap",)))
     assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
-    assert "off by" not in found.verdict.because
+    assert not re.search("(zero|speed scale) off by", found.verdict.because)
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert abs(zero["value"]) < 3 * zero["stderr"]
 

@@ -58,6 +58,7 @@ def test_what_is_odd_about_the_data_is_said_first(trials, found):
         "robot: not given, SandBot is assumed",
         "cameras: accuracy not given, a zero of the lift within 0.6 mm and a scale of speed within 1 % (s.d.) assumed",
         "bed: scatter not given, 0.7 % of k from batch to batch (s.d.) assumed",
+        "order of trials: not given, no drift of k is assumed",
     )
     assert found.to_dict()["data"]["notes"] == list(found.notes)
     zeros = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))

@@ -54,6 +54,10 @@ RUNS_BACK = 0.1
 """Share of trials as far below 0 as others are above, beyond which they are not outliers but backward runs."""
 MOVED = 0.1
 """Ratio to the kinematic limit beyond which a robot has moved; half the readings of a stuck one are below 0."""
+AT_THE_END = 3
+"""Ratio of the number of equal values at an end of a column to that of any other value, beyond which they are no
+accident of rounding."""
+LEAST_AT_THE_END = 5
 A_FEW = 2
 """Number of trials that may be outliers even in a small table, whatever their share."""
 WIDE = 0.0015
@@ -89,6 +93,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
         *_too_far(used, ratio),
         *_no_peaks(values),
         *_zeros(used, values),
+        *_ends_of_reading(used, values),
         *_zero_error_bars(used),
         *_no_levels(used),
         *_far_out(used, values, cell),
@@ -247,6 +252,23 @@ def _zeros(used: Trials, values: Floats) -> list[str]:
             found.append(
                 f"{zero.sum()} of {count} {observable.column} are exactly 0{those}; if not measured, leave them empty"
             )
+    return found
+
+
+def _ends_of_reading(used: Trials, values: Floats) -> list[str]:
+    """Observables whose smallest or largest value many walkers have, as where a scale ends; 0 is ``_zeros``'s."""
+    found, walked = [], _surely_walked(used, values)
+    for observable in Observable:
+        column = values[:, observable]
+        column = column[walked[:, observable] & np.isfinite(column)]
+        each, count = np.unique(column, return_counts=True)
+        for at, which in ((0, "smallest"), (-1, "largest")) if len(each) > 1 else ():
+            usual = np.delete(count, at).max()
+            if each[at] != 0 and count[at] >= max(AT_THE_END * usual, LEAST_AT_THE_END):
+                found.append(
+                    f"{observable.column} is {each[at]:g}, its {which} value, in {count[at]} trials that walked: "
+                    "does the reading end there? then leave these empty"
+                )
     return found
 
 

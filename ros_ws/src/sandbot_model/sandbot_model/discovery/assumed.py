@@ -1,4 +1,4 @@
-"""What an analysis assumes because neither the data nor an option say it: robot, gait, accuracy of the cameras, bed."""
+"""What an analysis assumes as neither the data nor an option say it: robot, gait, accuracy of cameras, bed, drift."""
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -15,11 +15,18 @@ def assumed(trials: Trials, cells: Cells, criteria: Criteria | None = None) -> t
 
 
 def priors_assumed(trials: Trials, cells: Cells, criteria: Criteria | None) -> tuple[str, ...]:
-    """Assumed standard deviations of calibration errors and, for a verdict, of the bed's stiffness; empty if given."""
+    """Assumed standard deviations of calibration errors and, for a verdict, of the bed's stiffness, and that it does
+    not drift; empty if given, or if the order of trials is."""
     accuracy = cells.accuracy
     zero = f"a zero of the lift within {1e3 * accuracy.lift_zero_m:.2g} mm and " if "lift" in cells.observables else ""
     scale = f"a scale of speed within {100 * accuracy.speed_scale:.2g} %"
     cameras = f"cameras: accuracy not given, {zero}{scale} (s.d.) assumed"
     bed = f"bed: scatter not given, {100 * DEFAULT.bed_scatter:.2g} % of k from batch to batch (s.d.) assumed"
     usual = criteria is not None and criteria.bed_scatter == DEFAULT.bed_scatter
-    return (*([cameras] if trials.accuracy is None else []), *([bed] if usual else []))
+    steady = "order of trials: not given, no drift of k is assumed"
+    unordered = criteria is not None and cells.order is None
+    return (
+        *([cameras] if trials.accuracy is None else []),
+        *([bed] if usual else []),
+        *([steady] if unordered else []),
+    )

@@ -37,6 +37,8 @@ ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 """Observables measured along the track."""
 DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 """Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
+LIFT_SCALE = "lift_scale"
+"""That of the scale of the lift, no nuisance of every fit (see ``calibration_error``)."""
 IN_ORDER = 0.9
 """Correlation of run order with φ or ω above which trials were run in order of it."""
 

@@ -1,13 +1,14 @@
 """Nuisances described in words and in a reader's units."""
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_ZERO, SPEED_SCALE, run_in_order_of
+from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_SCALE, LIFT_ZERO, SPEED_SCALE, run_in_order_of
 from sandbot_model.fitting.fit import Fit
 
 WORDS = {
     DRIFT: ("a drift of k", 1e2, "%"),
     SPEED_SCALE: ("a speed scale off", 1e2, "%"),
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
+    LIFT_SCALE: ("a scale of the lift off", 1e2, "%"),
 }
 """Description, factor from SI, and unit of each nuisance."""
 SHOWS = 2.0

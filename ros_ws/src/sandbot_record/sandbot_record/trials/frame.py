@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.csv_table import rows_of
+from sandbot_record.trials.gaits import with_only_gait
 from sandbot_record.trials.header import unread
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.table import Trials, from_rows
@@ -30,8 +31,9 @@ def from_frame(frame: "DataFrame") -> Trials:
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
     rows, _ = in_order([rows_of(header, lines, "data")])
+    rows, gait_assumed = with_only_gait(rows)
     rows, copied = mark_copies(rows)
-    return replace(from_rows(rows), unread=(*unread(header), *copied))
+    return replace(from_rows(rows), unread=(*unread(header), *gait_assumed, *copied))
 
 
 def _text(value: Any) -> str:

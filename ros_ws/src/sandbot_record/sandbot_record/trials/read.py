@@ -11,6 +11,7 @@ from sandbot_common.terminal import counted
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.copies import mark_copies
 from sandbot_record.trials.from_bags import campaign, table_of, trial_from_bag
+from sandbot_record.trials.gaits import with_only_gait
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.same_trials import Table, merged, overlap, same_trials
 from sandbot_record.trials.setting import Setting, shared
@@ -45,8 +46,9 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     check_ids(rows := [row for table_rows in batched for row in table_rows], [where] * len(rows))
     rows, restarted = in_order(batched)
     notes += [f"run_order starts again in {given[at]}, assumed later than the data before it" for at in restarted]
+    rows, gait_assumed = with_only_gait(rows)
     rows, copied = mark_copies(rows)
-    notes += [*_similar_batches(rows), *copied, *_overlaps(given, batched, rows)]
+    notes += [*gait_assumed, *_similar_batches(rows), *copied, *_overlaps(given, batched, rows)]
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
