@@ -22,6 +22,7 @@ from sandbot_model.discovery.next_trials import (
     next_trials,
     trials_to_exclude,
 )
+from sandbot_model.discovery.remarks import not_excluded
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.walking import Walker
 
@@ -113,8 +114,9 @@ def test_what_would_take_more_replicates_than_there_are_trials_is_not_proposed(m
     named = rivals(monkeypatch, lambda *pair: [measured(pair, *one) for one in at], trials)
     assert len(next_trials(named("ab"))) == proposed
     base, *unseen = named(["base", "near", "far"])
-    found, out_of_reach = trials_to_exclude(base, unseen)
+    found, shown, out_of_reach = trials_to_exclude(base, unseen)
     assert len(found) == proposed
+    assert list(shown) == (["near", "far"] if proposed else [])
     assert out_of_reach == ([] if proposed else ["near", "far"])
 
 
@@ -158,10 +160,21 @@ def test_trials_that_would_exclude_effects_are_chosen_as_those_that_separate_set
         return [measured(pair, 0.8, omega) for omega in (9.0, 12.0)] if second == "drag" else []
 
     base, *unseen = rivals(monkeypatch, between)(["base", "force", "drag", "absorbed"])
-    found, out_of_reach = trials_to_exclude(base, unseen)
+    found, _, out_of_reach = trials_to_exclude(base, unseen)
     assert sum(trial.kind == "reading" for trial in found) <= module.READINGS
     assert [trial.replicates for trial in found if trial.kind == "trial"] == [20, 20]
     assert out_of_reach == ["absorbed"]
+
+
+def test_it_is_said_of_each_unseen_effect_which_trial_would_show_it(monkeypatch):
+    """One trial shows two of them; of the one that it hardly shows nothing is said."""
+    gaps = {"best": 9.0, "also": 6.0, "hardly": 0.4}
+    base, *unseen = rivals(monkeypatch, lambda *pair: [measured(pair, gaps[pair[1]])], 1000)(["base", *gaps])
+    proposed = trials_to_exclude(base, unseen)
+    assert {trial.separates[1] for trial in proposed.trials} == {"best"}
+    search = SimpleNamespace(cells=SimpleNamespace(trials=base.cells.trials), criteria=DEFAULT)
+    said = not_excluded(list(gaps), proposed, search)
+    assert f"(what would show best, also: {proposed.trials[0].observable} at {proposed.trials[0].where})" in said
 
 
 @pytest.mark.parametrize(

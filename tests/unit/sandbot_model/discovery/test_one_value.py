@@ -13,6 +13,7 @@ from sandbot_model.discovery import one_value
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.next_trials import Proposed
 from sandbot_model.discovery.remarks import not_excluded
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.walking import Walker
@@ -71,7 +72,7 @@ def test_what_one_omega_can_not_test_is_tested_with_the_trials_proposed(hidden):
 @pytest.mark.parametrize(("omega", "where"), [((16.0,), "at one ω"), ((8.0, 16.0), "like these")])
 def test_what_is_out_of_reach_is_so_at_the_one_omega(omega, where):
     search = SimpleNamespace(cells=cells_of(trials((), FIVE, omega)), criteria=DEFAULT)
-    assert f" more trials {where}: a" in not_excluded(["a"], [], ["a"], search)
+    assert f" more trials {where}: a" in not_excluded(["a"], Proposed([], {}, ["a"]), search)
 
 
 def test_another_robot_is_run_at_the_same_froude_numbers():

@@ -26,7 +26,7 @@ from sandbot_model.discovery.judgement import or_effects, reported_fit, search_a
 from sandbot_model.discovery.leg_radius import instead_of_a_reading
 from sandbot_model.discovery.limits import limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
-from sandbot_model.discovery.next_trials import NextTrial, next_trials, trials_to_exclude
+from sandbot_model.discovery.next_trials import Proposed, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_with
 from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.partial import Partial
@@ -113,11 +113,11 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
     shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
     family = same_family(search, claimed, named)
     others = other_families(search, claimed, judged) if verdict.status == "identified" else []
-    trials, out_of_reach = _next_trials(search, verdict, without_nuisances(search, hidden))
-    controls = {} if worthwhile(trials, criteria) else controls_of(search, verdict)
+    proposed = _next_trials(search, verdict, without_nuisances(search, hidden))
+    controls = {} if worthwhile(proposed.trials, criteria) else controls_of(search, verdict)
     verdict = with_p_of(reported, verdict, judged)
     verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
-    verdict = remarked(search, verdict, named, not_shown, trials, out_of_reach, controls).with_remarks(shifted)
+    verdict = remarked(search, verdict, named, not_shown, proposed, controls).with_remarks(shifted)
     return Discovery(
         model=search.base,
         cells=cells,
@@ -126,7 +126,7 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
         steps=(*search.ladder(verdict)[:-1], averaged_with(reported, [*rivals, *family])),
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
-        next_trials=tuple(trials),
+        next_trials=tuple(proposed.trials),
         alike=tuple(look_alikes(search.fits, judged, others, criteria)),
         allowing=allowing,
         controls=controls,
@@ -171,15 +171,14 @@ def _only_allowing(search: EffectSearch, found: Judged) -> str:
     return " and ".join(allowed_for(found.named, search.criteria))
 
 
-def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
-    """The trials to run next, and those of the ``hidden`` effects that none within reach would show."""
-    if verdict.status == "untested":
-        return to_run(search.cells, search.model(())), []
+def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> Proposed:
+    """The trials to run next: those that would show ``hidden`` effects, or tell the verdict's sets apart."""
     base, alternatives = search.fits[()], [search.fits[names] for names in verdict.alternatives]
-    trials, out_of_reach = (
-        trials_to_exclude(base, hidden) if hidden else (next_trials(alternatives, search.criteria), [])
-    )
-    return [*trials, *(one_value.what_to_add(base) if verdict.status in one_value.WIDENED else [])], out_of_reach
+    if verdict.status == "untested":
+        return Proposed(to_run(search.cells, search.model(())))
+    found = trials_to_exclude(base, hidden) if hidden else Proposed(next_trials(alternatives, search.criteria))
+    more = one_value.what_to_add(base) if verdict.status in one_value.WIDENED else []
+    return found._replace(trials=[*found.trials, *more])
 
 
 def _residual_formula(

@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,6 +78,16 @@ class NextTrial:
         return ", ".join(filter(None, (f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s", self.gait)))
 
 
+class Proposed(NamedTuple):
+    """Measurements that are worth making."""
+
+    trials: list[NextTrial]
+    shown: Mapping[str, NextTrial] = MappingProxyType({})
+    """Effects that would show, and where best: another's trial may also tell of them."""
+    out_of_reach: Sequence[str] = ()
+    """Effects that no measurement within reach would show."""
+
+
 def next_trials(contenders: Sequence[Fit], criteria: Criteria = DEFAULT) -> list[NextTrial]:
     """The most informative measurements, best first, no two at the same condition; empty if none separates the sets.
 
@@ -92,14 +104,18 @@ def next_trials(contenders: Sequence[Fit], criteria: Criteria = DEFAULT) -> list
     return sorted(kept, key=lambda trial: -trial.expected_gap_sd)
 
 
-def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> tuple[list[NextTrial], list[str]]:
-    """The most informative measurements in which effects would show that are ``unseen`` but not excluded, and the
-    effects that none within reach would show."""
+def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> Proposed:
+    """The most informative measurements in which effects would show that are ``unseen`` but not excluded."""
     predicted, within_reach = Predicted.by(base), base.cells.trials
-    pairs = [between(predicted, Predicted.by(other)) for other in unseen]
-    least = [min((trial.replicates for trial in trials), default=math.inf) for trials in pairs]
-    hopeless = [other.effects[0] for other, count in zip(unseen, least, strict=True) if count > within_reach]
-    return _chosen(pairs, within_reach), hopeless
+    pairs = {other.effects[0]: between(predicted, Predicted.by(other)) for other in unseen}
+    least = {name: min((trial.replicates for trial in trials), default=math.inf) for name, trials in pairs.items()}
+    chosen, hopeless = (
+        _chosen(list(pairs.values()), within_reach),
+        [name for name in least if least[name] > within_reach],
+    )
+    conditions = {trial.condition for trial in chosen}
+    made = {name: [trial for trial in trials if trial.condition in conditions] for name, trials in pairs.items()}
+    return Proposed(chosen, {name: own[0] for name, own in made.items() if own and name not in hopeless}, hopeless)
 
 
 def _chosen(pairs: Sequence[Sequence[NextTrial]], within_reach: int) -> list[NextTrial]:

@@ -9,7 +9,7 @@ from sandbot_model.discovery.calibration_error import rival_calibration_error, s
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.next_trials import NextTrial, Proposed
 from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.untested import plainly_missed
@@ -33,8 +33,7 @@ def remarked(
     verdict: Verdict,
     named: Fit,
     hidden: Sequence[str],
-    trials: Sequence[NextTrial],
-    out_of_reach: Sequence[str],
+    proposed: Proposed,
     controls: Mapping[str, str],
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
@@ -42,9 +41,9 @@ def remarked(
     if verdict.status == "adequate":
         remarks.append(nearly_claimed(search.fits, search.criteria))
     if hidden:
-        remarks.append(not_excluded(hidden, trials, out_of_reach, search))
+        remarks.append(not_excluded(hidden, proposed, search))
     if len(verdict.alternatives) > 1:
-        remarks.append(most_discriminating(trials, controls, search.criteria))
+        remarks.append(most_discriminating(proposed.trials, controls, search.criteria))
     if verdict.status in one_value.WIDENED:
         remarks.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
@@ -91,16 +90,17 @@ def most_discriminating(trials: Sequence[NextTrial], controls: Mapping[str, str]
     return f"most telling: {best.observable} at {best.where} ({gap})"
 
 
-def not_excluded(
-    hidden: Sequence[str], trials: Sequence[NextTrial], out_of_reach: Sequence[str], search: EffectSearch
-) -> str:
+def not_excluded(hidden: Sequence[str], proposed: Proposed, search: EffectSearch) -> str:
     """The effects that these data cannot exclude, the trials that would reveal them, and those that none would."""
-    shown = {trial.separates[1]: trial for trial in reversed(worthwhile(trials, search.criteria))}
-    how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
+    where: dict[str, list[str]] = {}
+    for name, trial in proposed.shown.items():
+        if worthwhile([trial], search.criteria):
+            where.setdefault(f"{trial.observable} at {trial.where}", []).append(name)
+    how = "; ".join(f"{', '.join(names)}: {measured}" for measured, names in where.items())
     remarks = [f"what would show {how}"] if how else []
-    if out_of_reach:
-        these = one_value.where(search.cells) or "like these"
-        remarks.append(f"not within reach of {search.cells.trials} more trials {these}: {', '.join(out_of_reach)}")
+    if proposed.out_of_reach:
+        these, names = one_value.where(search.cells) or "like these", ", ".join(proposed.out_of_reach)
+        remarks.append(f"not within reach of {search.cells.trials} more trials {these}: {names}")
     return f"at their usual strength these would not show in the data: {', '.join(hidden)}" + (
         f" ({'; '.join(remarks)})" if remarks else ""
     )
