@@ -102,7 +102,15 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     ]
     order = [
         out.index(part)
-        for part in ("verdict:", "- best in", "- no zero of", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")
+        for part in (
+            "verdict:",
+            "- best in",
+            "- a scale of the lift",
+            "why: ",
+            "105 trials in 35 cells",
+            "noise floor",
+            "Δχ²",
+        )
     ]
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH
@@ -111,7 +119,7 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     assert all(clause in told for clause in found["verdict"]["because"].split("; "))
     assert "best in" not in told.split("why: ")[1]
     assert [note for note in found["data"]["notes"] if note not in told] == []
-    assert [note.split(":")[0] for note in found["data"]["notes"]] == ["robot", "cameras", "bed"]
+    assert [note.split(":")[0] for note in found["data"]["notes"]] == ["robot", "cameras", "bed", "order of trials"]
 
 
 def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(two, monkeypatch):

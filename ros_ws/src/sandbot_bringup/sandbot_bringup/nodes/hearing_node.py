@@ -78,7 +78,7 @@ class Hearing:
         self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
         self._walking, self._gate_s = False, -math.inf
-        self._publishers = node.get_publishers_info_by_topic
+        self._publishers_of = node.get_publishers_info_by_topic
         self._rendered: set[str] = set()
         """Views of the virtual lab, which renders frames when it has time; if it dies, so does the robot."""
         self._recorder_pid = 0
@@ -113,7 +113,7 @@ class Hearing:
         """From now on these nodes, and the bed's status, are vital; a trial is about to begin."""
         self._gate_s = self.now_s
         self._rendered = {
-            name for name, view in topics.VIEWS.items() if "lab" in names_of(self._publishers(view.image.relative))
+            name for name, view in topics.VIEWS.items() if "lab" in names_of(self._publishers_of(view.image.relative))
         }
         self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
 
