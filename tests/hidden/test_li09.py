@@ -91,7 +91,7 @@ def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_st
 @pytest.mark.whole
 def test_a_strong_week_in_the_papers_world_is_no_effect(monkeypatch):
     """With a control: from where the model without offsets comes to, no offset leads back to the right valley."""
-    of = cells_of_week("omega", k_batch_sd=0.01, k_drift=-0.03, lift_zero_m=-1e-3, speed_scale=0.01)
+    of = cells_of_week("condition", k_batch_sd=0.01, k_drift=0.03, lift_zero_m=-1e-3, speed_scale=0.01)
 
     def status() -> str:
         return discover(of, BASE, base="li09", max_effects=0).verdict.status
