@@ -200,7 +200,9 @@ def journal(folder):
 
 
 def go(page):
-    """Press Go until the campaign goes on: just after a stop it may have been pressed before it."""
+    """If the campaign is held, press Go until it goes on: just after a stop it may have been pressed before it."""
+    if "HELD" not in page.until(lambda: page.text("campaign-state")):
+        return
 
     def gone():
         page.click("#go")
