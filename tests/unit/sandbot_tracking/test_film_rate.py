@@ -157,9 +157,20 @@ def test_films_in_which_different_frames_are_missing_are_not_in_step(tmp_path, s
     ],
 )
 def test_frames_are_numbered_by_their_stamps(stamps_s, numbers):
-    film = FrameNumbers()
+    film = FrameNumbers(30.0)
     assert [film.add(stamp_s) for stamp_s in stamps_s] == numbers
     assert film.missing == (numbers[-1] + 1 - len(numbers) if numbers else 0)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("rate_hz", [24, 29.97, 60, 200, 240, 400, 480, 1000])
+def test_stamps_in_whole_milliseconds_hide_no_frame_and_show_what_is_missing(rate_hz, stated):
+    """At 480 frames/s steps are of 2 and 3 ms; where they are shorter than that, only a gap is seen."""
+    for lost in ((), (100, 300, 301) if rate_hz < 500 else tuple(range(100, 110))):
+        film = FrameNumbers(stated * rate_hz)
+        shown = [n for n in range(500) if n not in lost]
+        numbers = [film.add(round(1e3 * (n + 0.3) / rate_hz) / 1e3) for n in shown]
+        assert numbers == shown, lost
 
 
 @pytest.mark.parametrize("knock_px", [0, 10])

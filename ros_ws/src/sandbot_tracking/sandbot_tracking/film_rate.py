@@ -5,37 +5,42 @@ proportional to the rate, a film that states another one is reported. Frames tha
 leave a gap in time.
 """
 
-from collections import deque
 from collections.abc import Mapping
-
-import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera
 
 TOLERANCE = 0.01
 """Relative difference up to which two rates agree: 29.97 is 30."""
-RECENT = 50
-"""Steps between stamps whose median is the period of a film; a telephone's may vary."""
+RECENT, FEW = 50, 10
+"""Frames whose stamps give the period of a film, a telephone's may vary; and the fewest that do."""
+COARSEST_S = 1.001e-3
+"""Stamps in whole milliseconds make a step wrong by this: among 1000 frames/s a single missing one is not seen."""
 
 
 class FrameNumbers:
     """The number of each frame of a film by its own stamps: one is left out for each frame that is missing."""
 
-    def __init__(self) -> None:
+    def __init__(self, rate_hz: float) -> None:
+        """``rate_hz``: as the film states it; 0 if it does not."""
         self.numbers: list[int] = []
         self._stamps_s: list[float] = []
-        self._steps_s: deque[float] = deque(maxlen=RECENT)
+        self._stated_s = 1.0 / rate_hz if rate_hz > 0 else 0.0
 
     def add(self, stamp_s: float) -> int:
         """The number of the next frame. A stamp that does not grow, as in a container without any, says nothing."""
-        step_s = stamp_s - self._stamps_s[-1] if self._stamps_s else 0.0
-        more = max(round(step_s / float(np.median(self._steps_s))), 1) if self._steps_s and step_s > 0 else 1
-        if step_s > 0:
-            self._steps_s.append(step_s)
+        step_s, period_s = stamp_s - self._stamps_s[-1] if self._stamps_s else 0.0, self._period_s
+        more = round(step_s / period_s) if step_s > period_s + COARSEST_S and period_s > 0 else 1
         self.numbers.append(self.numbers[-1] + more if self.numbers else 0)
         self._stamps_s.append(stamp_s)
         return self.numbers[-1]
+
+    @property
+    def _period_s(self) -> float:
+        """The mean over recent frames, as each stamp is rounded; at first as stated, 0 if it is not."""
+        since = max(len(self.numbers) - RECENT, 0)
+        count = self.numbers[-1] - self.numbers[since] if self.numbers else 0
+        return (self._stamps_s[-1] - self._stamps_s[since]) / count if count >= FEW else self._stated_s
 
     @property
     def missing(self) -> int:

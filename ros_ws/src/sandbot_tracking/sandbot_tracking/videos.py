@@ -149,7 +149,7 @@ class _Films:
         with Source(self._dorsal) as top, Source(self._lateral) if self._lateral else nullcontext() as side:
             films = [film for film in (top, side) if film is not None]
             rate_hz, _ = film_rate(self._cameras, {film.name: film.rate_hz for film in films})
-            stands, numbers = [Standpoint(rate_hz) for _ in films], [FrameNumbers() for _ in films]
+            stands, numbers = [Standpoint(rate_hz) for _ in films], [FrameNumbers(film.rate_hz) for film in films]
             for n, pair in enumerate(zip_longest(*films)):
                 shown = [each for each in zip(films, pair, stands, numbers, strict=True) if each[1] is not None]
                 number = max(of.add(film.stamp_s) for film, _, _, of in shown)
