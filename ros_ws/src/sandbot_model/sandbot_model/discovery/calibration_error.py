@@ -11,7 +11,6 @@ from sandbot_model.discovery.nuisances_in_words import in_words
 from sandbot_model.discovery.sharing import FAR_OFF
 from sandbot_model.discovery.verdict import claim_threshold, leaves_nothing, parts_of
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.physics.observables import Observable
 
 FREE = 1e3
@@ -92,23 +91,11 @@ def _with_lift_scale(search: EffectSearch, fit: Fit, batch_sd: BatchSd) -> list[
         return []
     prior = fit.cells.accuracy.speed_scale
     for _ in range(REPEATED):
-        (fit,) = search.near([fit.model], fit, _and_lift_scale(nuisances_for(fit, search.criteria, batch_sd), fit))
+        slope = np.zeros_like(fit.predicted)
+        slope[:, Observable.lift] = fit.predicted[:, Observable.lift]
+        own = nuisances_for(fit, search.criteria, batch_sd).and_reading(LIFT_SCALE, FREE * prior, slope)
+        (fit,) = search.near([fit.model], fit, own)
     return [(fit, (LIFT_SCALE, *fit.shared[-1], prior))]
-
-
-def _and_lift_scale(own: Nuisances, fit: Fit) -> Nuisances:
-    """Nuisances and, last, a free scale of the lift."""
-    slope = np.zeros_like(fit.predicted)
-    slope[:, Observable.lift] = fit.predicted[:, Observable.lift]
-    return replace(
-        own,
-        names=(*own.names, LIFT_SCALE),
-        sd=np.append(own.sd, FREE * fit.cells.accuracy.speed_scale),
-        slope=np.concatenate([own.slope, slope[..., None]], axis=-1),
-        initial=np.append(own.initial, 0.0),
-        by_ln_k=np.pad(own.by_ln_k, ((0, 0), (0, 1))),
-        mean=np.append(own.mean, 0.0) if own.mean.size == own.sd.size else own.mean,
-    )
 
 
 def _in_priors(error: Miscalibration) -> float:

@@ -81,6 +81,13 @@ class Nuisances:
         mean = np.broadcast_to(self.mean, self.sd.shape)[which]
         return Nuisances(names, self.sd[which], slope, self.ln_k_sd, self.initial[which], by_ln_k, mean)
 
+    def and_reading(self, name: str, sd: float, slope: Array) -> "Nuisances":
+        """The same and, last, a zero or scale of the readings that moves cell means by ``slope (cells, 4)``."""
+        names, slopes = (*self.names, name), np.concatenate([self.slope, slope[..., None]], axis=-1)
+        initial, by_ln_k = np.append(self.initial, 0.0), np.pad(self.by_ln_k, ((0, 0), (0, 1)))
+        mean = np.append(np.broadcast_to(self.mean, self.sd.shape), 0.0)
+        return Nuisances(names, np.append(self.sd, sd), slopes, self.ln_k_sd, initial, by_ln_k, mean)
+
     def with_k_scatter(self, ln_k_sd: float) -> "Nuisances":
         """The same with an additional scatter of ln k from condition to condition, of this standard deviation."""
         return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))
