@@ -14,7 +14,7 @@ from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.health import CALIBRATION, PROCESS
 from sandbot_common.ros.endpoints import NAMELESS
-from sandbot_tracking.calibration import cameras_from_mapping, fingerprint
+from sandbot_tracking.calibration import cameras_from_mapping, checksum
 
 
 class Node:
@@ -209,7 +209,7 @@ def test_the_tracker_must_measure_by_the_calibration_that_bags_state(hearing, no
     path, content = tmp_path / "cameras.yaml", yaml.safe_load(config_file("cameras.yaml").read_text())
     path.write_text(yaml.safe_dump(content))
     content["lateral"]["fx"] *= 1.05 if tracked == "another" else 1.0
-    own = {} if "third" in tracked else {CALIBRATION: fingerprint(cameras_from_mapping(content, "cameras"))}
+    own = {} if "third" in tracked else {CALIBRATION: checksum(cameras_from_mapping(content, "cameras"))}
     hearing._on_diagnostics(messages.diagnostics(1, "tracker", own))
     if tracked != "another":
         gate.before_trial(None, SimpleNamespace(path=tmp_path))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pictures import Lens, traced
 
 from sandbot_common.errors import InputError
-from sandbot_tracking.calibration import camera_from_mapping, cameras_from_mapping, fingerprint, read_cameras
+from sandbot_tracking.calibration import camera_from_mapping, cameras_from_mapping, checksum, read_cameras
 from sandbot_tracking.lens import Board, entry, lens_from_board
 from sandbot_tracking.tools import calibrate
 
@@ -33,13 +33,13 @@ def test_to_plane_and_to_pixels_undo_each_other(u, v, height):
 
 
 @pytest.mark.parametrize("key", [key for key in DORSAL if key not in ("rotation", "plane", "distortion", "position_m")])
-def test_a_fingerprint_tells_any_two_calibrations_apart(key):
+def test_a_checksum_tells_any_two_calibrations_apart(key):
     both = {"dorsal": DORSAL, "lateral": DORSAL}
-    own = fingerprint(cameras_from_mapping(both, "cameras"))
+    own = checksum(cameras_from_mapping(both, "cameras"))
     laid_out_otherwise = {"lateral": dict(reversed(DORSAL.items())), "dorsal": DORSAL}
-    assert fingerprint(cameras_from_mapping(laid_out_otherwise, "cameras")) == own
+    assert checksum(cameras_from_mapping(laid_out_otherwise, "cameras")) == own
     changed = {**both, "lateral": {**DORSAL, key: DORSAL[key] + 1}}
-    assert fingerprint(cameras_from_mapping(changed, "cameras")) != own
+    assert checksum(cameras_from_mapping(changed, "cameras")) != own
 
 
 def test_missing_markers_stay_missing():

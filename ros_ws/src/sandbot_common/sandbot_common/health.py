@@ -14,7 +14,7 @@ AIR_STOPS = "air_stops"
 LOST_FRAMES = "lost_frames"
 """Of the tracker: views without a partner."""
 CALIBRATION = "calibration"
-"""Of the tracker: the fingerprint of its cameras' calibration."""
+"""Of the tracker: the checksum of its cameras' calibration."""
 
 FRAMES, PERIOD_MS, CALIBRATED_MS = "frames", "period_ms", "calibrated_ms"
 """Of a camera: new frames, and their period as stamped and as calibrated [ms]."""

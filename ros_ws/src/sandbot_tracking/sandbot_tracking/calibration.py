@@ -206,7 +206,7 @@ def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def fingerprint(cameras: Mapping[str, Camera]) -> str:
+def checksum(cameras: Mapping[str, Camera]) -> str:
     """Eight hexadecimal digits that are the same for the same calibrations, however their file is laid out."""
     return f"{zlib.crc32(repr(sorted(cameras.items())).encode()):08x}"
 

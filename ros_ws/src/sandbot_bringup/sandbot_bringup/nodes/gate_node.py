@@ -17,7 +17,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import writing
 from sandbot_common.health import CALIBRATION
 from sandbot_common.ros.endpoints import NAMELESS, names_of
-from sandbot_tracking.calibration import fingerprint, read_cameras
+from sandbot_tracking.calibration import checksum, read_cameras
 
 DISCOVERY_S = 20.0
 """The longest that nodes which just started take to be discovered on a busy machine."""
@@ -89,7 +89,7 @@ class Gate:
     def _same_cameras(self, folder: CampaignFolder) -> None:
         """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
         path = folder.path / "cameras.yaml"
-        if self._hearing.statuses["tracker"].values.get(CALIBRATION) not in (None, fingerprint(read_cameras(path))):
+        if self._hearing.statuses["tracker"].values.get(CALIBRATION) not in (None, checksum(read_cameras(path))):
             wrong = f"the tracker measures by another calibration than {path}"
             raise CampaignEnds(f"{wrong}; start it with cameras:={path}, then start the campaign again to go on")
 

@@ -16,7 +16,7 @@ from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.topics import Topic
-from sandbot_tracking.calibration import fingerprint, read_cameras
+from sandbot_tracking.calibration import checksum, read_cameras
 from sandbot_tracking.latency import Latency
 from sandbot_tracking.live import LiveTracker, warm_up
 from sandbot_tracking.offline import Sample
@@ -99,7 +99,7 @@ class TrackerNode(Node):
         cameras = read_cameras(path)
         if "dorsal" not in cameras:
             raise InputError(f"{path}: no 'dorsal' camera in it")
-        self._calibration = fingerprint(cameras)
+        self._calibration = checksum(cameras)
         robot = read_robot(given.robot or config_file("robot.yaml"))
         # Before subscribing: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)
