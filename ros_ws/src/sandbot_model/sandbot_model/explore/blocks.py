@@ -28,11 +28,6 @@ def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> h
     )
 
 
-def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Table:
-    """The trials of one cell."""
-    return table("Trials of this condition", head, rows)
-
-
 def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: str = "") -> html.Figure:
     """A figure with instructions for reading it, a caption, and buttons that save it."""
     given = {"figure": spec, "style": height(spec)} if spec else {}

@@ -174,7 +174,11 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
     }  # fmt: skip
     top = 1.2 * finite_max(np.array([*in_sample, *out_of_sample, floor]))
-    ticks = {"tickvals": places, "ticktext": [_wrapped(step.label) for step in steps], "range": [-0.5, last + 0.5]}
+    ticks = {
+        "tickvals": places,
+        "ticktext": [step.label.replace(" + ", "<br>+ ") for step in steps],
+        "range": [-0.5, last + 0.5],
+    }
     return {
         "data": traces,
         "layout": layout(
@@ -272,10 +276,6 @@ def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float],
     left = column * (width + gap_x)
     top = 1 - row * (height + gap_y)
     return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.04 / rows]
-
-
-def _wrapped(label: str) -> str:
-    return label.replace(" + ", "<br>+ ")
 
 
 def _range(*arrays: Floats) -> list[float]:

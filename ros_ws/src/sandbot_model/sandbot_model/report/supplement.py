@@ -114,16 +114,12 @@ def _first_and_last_bag(trials: Trials, bags: Mapping[str, Path]) -> list[Bag]:
     """The recordings of the first and the last trial in run order, as far as they can be read."""
     named = [str(name) for name in trials.trial_id[np.argsort(trials.run_order, kind="stable")] if str(name) in bags]
     opened = []
-    for name in dict.fromkeys(_first_and_last(named)):
+    for name in dict.fromkeys((*named[:1], *named[-1:])):
         try:
             opened.append(Bag.open(bags[name]))
         except InputError:
             continue  # listed among the excluded trials
     return opened
-
-
-def _first_and_last(names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((names[0], names[-1]))) if names else ()
 
 
 def _source(bag: Bag) -> str:
