@@ -207,7 +207,7 @@ DRAWN = (
     "swimming_thrust",
     "leg_slip",
 )
-"""The effects among which `draw_world` draws by default."""
+"""The effects among which `draw_world` draws."""
 
 
 def checked_effect(name: object, given: object, where: str) -> dict[str, float]:

@@ -16,7 +16,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import claim_on_replicates, claim_threshold, overdispersion
 from sandbot_model.report import text
 from sandbot_model.report.page import Section, Table
-from sandbot_model.report.view import Step, frequencies
+from sandbot_model.report.view import Step, frequencies, readable
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.table import Trials
 
@@ -53,7 +53,7 @@ def origin(
 def methods(steps: Sequence[Step], criteria: Criteria | None = None) -> Section:
     """The methods in order of the analysis; with a verdict, what a claim took by its own ``criteria``."""
     cells = steps[0].fit.cells
-    observables = ", ".join(name.replace("_", " ") for name in cells.observables)
+    observables = ", ".join(map(readable, cells.observables))
     source = (
         f"Rows are means of {observables}, one for each of {text.counted(len(cells), 'condition')}; they are fitted, "
         "and the error bars given are the pure error."

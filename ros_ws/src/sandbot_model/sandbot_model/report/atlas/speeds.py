@@ -22,7 +22,7 @@ from sandbot_model.report.atlas.style import (
     speed_line,
 )
 from sandbot_model.report.curves import swim_m_s
-from sandbot_model.report.view import bands, frequencies
+from sandbot_model.report.view import bands, frequencies, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -170,4 +170,4 @@ def _phi_caption(material: Material, omegas: Floats) -> str:
 
 
 def _model_name(fit: Fit) -> str:
-    return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
+    return " + ".join([f"the {fit.model.base} model", *map(readable, fit.effects)])
