@@ -29,6 +29,11 @@ def words(effect: Effect) -> str:
     return " ".join(said.split("\n\n")[0].split()).rstrip(".")
 
 
+def range_of(parameter: Parameter) -> str:
+    """A parameter's name, plausible range, usual value and description."""
+    return f"{parameter.name} {range_text(parameter)}"
+
+
 def range_text(parameter: Parameter) -> str:
     """A parameter's plausible range, usual value and description, without its name."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"

@@ -7,7 +7,7 @@ from sandbot_model.discovery.fingerprint import OMEGA_RAD_S, PHI, Fingerprint, f
 from sandbot_model.fitting.text import table
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import plain
-from sandbot_model.report.effect_facts import ABSORBED, DESIGN, OBSERVABLES, range_text, showing, shown_in, words
+from sandbot_model.report.effect_facts import ABSORBED, DESIGN, OBSERVABLES, range_of, showing, shown_in, words
 
 
 def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
@@ -15,7 +15,7 @@ def card(effect: Effect, catalogue: Mapping[str, Effect]) -> str:
     facts = [
         ("stage", effect.stage),
         ("formula", plain(effect.formula)),
-        *(("range", f"{parameter.name} {range_text(parameter)}") for parameter in effect.parameters),
+        *(("range", range_of(parameter)) for parameter in effect.parameters),
         ("seen in", f"{plain(effect.seen_in)} ({OBSERVABLES})"),
         *([("control", effect.control)] if effect.control else []),
         ("source", effect.source),
