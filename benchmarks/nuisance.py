@@ -30,6 +30,7 @@ from sandbot_model.discovery.batch_sd import BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import nuisances_for
+from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
@@ -186,7 +187,7 @@ def _gain(case: Case, seed: int) -> float:
 def outcome(hidden: frozenset[str], verdict: Any) -> str:
     """A column of the table: a verdict whose named sets do not hold what is hidden is a false claim."""
     named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
-    if verdict.status in ("identified", "partial", "ambiguous") and hidden not in named:
+    if verdict.status in NAMES_EFFECTS and hidden not in named:
         return "false claim"
     return "named" if verdict.status == "identified" else str(verdict.status)
 

@@ -120,7 +120,7 @@ def missed(form: Form, cells: Cells, named: Sequence[Fit]) -> float:
 def outcome(family: str, found: Discovery) -> str:
     """A column of the table. Another family named beside the true one is a false claim as well."""
     verdict = found.verdict
-    if verdict.status not in ("identified", "partial", "ambiguous") or family == OUTSIDE:
+    if verdict.status not in NAMED or family == OUTSIDE:
         return verdict.status
     family_of = {name: "alike" if name in ALIKE else name for name in catalogue()}
     named = [frozenset(family_of[name] for name in one) for one in verdict.alternatives or (verdict.effects,)]
