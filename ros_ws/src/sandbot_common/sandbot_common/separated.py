@@ -14,10 +14,7 @@ from sandbot_common.terminal import counted
 
 
 def read_csv(
-    path: Path,
-    needed: str = "a CSV file",
-    matters: Callable[[str], bool] = bool,
-    notes: list[str] | None = None,
+    path: Path, needed: str = "a CSV file", matters: Callable[[str], bool] = bool, notes: list[str] | None = None
 ) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped, without empty rows.
 

@@ -130,10 +130,7 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,0,0.2\n", "row 4, column omega_rad_s: 0 is out of range"),
         (GOOD + "0.6,-8,0.2\n", "row 4, column omega_rad_s: -8 is out of range"),
         (GOOD + "0.6,8,21\n", "row 4, column speed_m_s: 21 is out of range"),
-        (
-            "phi,phi_sd,omega_rad_s,speed_m_s\n0.6,-0.1,8,0.2\n",
-            "row 2, column phi_sd: -0.1 is out of range",
-        ),
+        ("phi,phi_sd,omega_rad_s,speed_m_s\n0.6,-0.1,8,0.2\n", "row 2, column phi_sd: -0.1 is out of range"),
         (
             "trial_id,phi,omega_rad_s,speed_m_s\na,.6,8,.2\na,.6,8,.2\n",
             "row 3, column trial_id: trial id 'a' is there twice",

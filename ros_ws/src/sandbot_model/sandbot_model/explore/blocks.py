@@ -9,11 +9,7 @@ from sandbot_model.explore.views import Pane
 from sandbot_model.report.page import data_uri
 from sandbot_model.report.theme import Spec
 
-GRAPH = {
-    "displaylogo": False,
-    "responsive": True,
-    "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]],
-}
+GRAPH = {"displaylogo": False, "responsive": True, "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]]}
 FORMATS = ("svg", "png", "csv")
 
 

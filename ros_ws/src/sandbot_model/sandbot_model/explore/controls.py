@@ -137,9 +137,7 @@ def _buttons() -> html.Div:
 
 
 def _suggestion() -> html.Div:
-    return html.Div(
-        [html.Div(id="suggestion", role="status"), _button("adopt", "Switch these on", hidden=True)],
-    )
+    return html.Div([html.Div(id="suggestion", role="status"), _button("adopt", "Switch these on", hidden=True)])
 
 
 def _effects(floor_m_s: float) -> html.Fieldset:

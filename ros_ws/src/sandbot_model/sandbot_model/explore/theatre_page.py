@@ -68,10 +68,7 @@ class TheatrePage:
     def serve(self, server: Flask) -> None:
         """Register these addresses with the explorer's server."""
         frame = "/theatre/frame/<trial_id>/<int:i>.jpg"
-        serve(
-            server,
-            {"/theatre": self.page, frame: self.frame, "/theatre/clip.mp4": self.clip, "/plotly.js": _plotly},
-        )
+        serve(server, {"/theatre": self.page, frame: self.frame, "/theatre/clip.mp4": self.clip, "/plotly.js": _plotly})
 
     def page(self) -> Response:
         """The page of the trial."""

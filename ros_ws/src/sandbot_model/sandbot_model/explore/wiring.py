@@ -72,10 +72,7 @@ def wire(app: Dash, answers: Any) -> None:
     app.callback(
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
-        state={
-            "sliders": State({"by_hand": ALL}, "value"),
-            "slider_ids": State({"by_hand": ALL}, "id"),
-        },
+        state={"sliders": State({"by_hand": ALL}, "value"), "slider_ids": State({"by_hand": ALL}, "id")},
     )(answers.on_address)
     # Controls set the address and the page shown sets the controls, all by set_props. With Outputs, Dash would see a
     # circular dependency, delay a control until the previous figures have arrived, and then reset it.

@@ -9,15 +9,7 @@ import yaml
 from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.physics.gait import ASSUMED
-from sandbot_model.report import (
-    captions,
-    model_difference,
-    profiles,
-    rivals,
-    stages,
-    table_sections,
-    text,
-)
+from sandbot_model.report import captions, model_difference, profiles, rivals, stages, table_sections, text
 from sandbot_model.report.content import headline
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.data_section import json_download

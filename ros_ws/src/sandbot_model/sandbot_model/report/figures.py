@@ -15,17 +15,7 @@ from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
-from sandbot_model.report.view import (
-    BAND_SDS,
-    Band,
-    Step,
-    bands,
-    is_ladder,
-    measured,
-    measured_name,
-    readable,
-    scatter,
-)
+from sandbot_model.report.view import BAND_SDS, Band, Step, bands, is_ladder, measured, measured_name, readable, scatter
 
 NARROW = 2
 LEGEND_PX, TITLE_PX = 48, 18
