@@ -80,7 +80,7 @@ class Cells:
     batch_order: Floats | None = None
     """The same of a cell's trials in each batch, (n, batches); NaN without any."""
     two_groups: TwoGroups | None = None
-    """The split of the trials that removes most of the scatter of replicates, if that is questioned."""
+    """The split of the trials that removes most of the scatter of replicates, if that scatter is suspicious."""
 
     @property
     def observables(self) -> tuple[str, ...]:
