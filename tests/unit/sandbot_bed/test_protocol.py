@@ -232,8 +232,7 @@ HEIGHTS = st.one_of(st.floats(0.09, 0.101), st.floats(allow_nan=True, allow_infi
 
 
 @given(
-    st.floats(0.58, 0.633),
-    st.lists(st.tuples(st.floats(0, 3), HEIGHTS, st.sampled_from("ssssssssap")), max_size=150),
+    st.floats(0.58, 0.633), st.lists(st.tuples(st.floats(0, 3), HEIGHTS, st.sampled_from("ssssssssap")), max_size=150)
 )
 def test_air_is_on_only_where_it_may_be(target, events):
     protocol, now_s = PulseProtocol(), 0.0
