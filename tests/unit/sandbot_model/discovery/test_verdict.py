@@ -125,6 +125,7 @@ def test_where_cells_scatter_about_a_claim_more_must_be_clearly_worse():
     for best, alike in ((made("a", deviance=60.0), []), (scattered, ["b"])):
         fits = {fit.effects: fit for fit in (BASE, best, *others)}
         assert [fit.effects[0] for fit in look_alikes(fits, best, (), Criteria())] == alike
+    assert claim_threshold(scattered) == pytest.approx(2.0 * claim_threshold(made("a", deviance=60.0)))
     scattered.goodness.dof = 0
     assert overdispersion(scattered) == 1.0
 
