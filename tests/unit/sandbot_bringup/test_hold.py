@@ -6,13 +6,17 @@ from sandbot_bringup.hold import Hold
 
 def test_a_stop_ends_the_trial_at_once_and_holds_until_go():
     hold = Hold()
+    assert hold.state == "running"
+    assert hold.go() == (True, "the campaign was running")
+    hold.pause()
     hold.stop("a hand")
     assert (hold.now, hold.state) == (True, "stopping")
     assert hold.go() == (False, "the trial under way is still being stopped")
     hold.between_trials()
     assert (hold.now, hold.state, hold.why) == (False, "held", "a hand")
-    assert hold.go()[0]
-    assert hold.state == "running"
+    assert hold.go() == (True, "the campaign goes on")
+    hold.between_trials()
+    assert hold.state == "running"  # a pause asked for before the stop is no longer pending
 
 
 def test_a_pause_lets_the_trial_end_and_go_takes_it_back():

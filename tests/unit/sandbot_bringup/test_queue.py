@@ -43,9 +43,12 @@ def test_a_stopped_trial_keeps_its_turn_and_a_failed_one_does_not_run_again():
     assert queue.entries[first].reason == "stopped"
     queue.begin(first)
     assert queue.entries[first].reason == ""
+    assert (queue.waiting, queue.measured) == (len(planned()) - 1, False)
     queue.fail(first, "no marker")
     assert queue.next().trial_id == second
-    assert queue.failed == {first: "no marker"}
+    assert (queue.failed, queue.measured) == ({first: "no marker"}, False)
+    queue.finish(second, 10.0, {})
+    assert (queue.waiting, queue.measured) == (len(planned()) - 2, True)
 
 
 def test_what_failed_or_was_skipped_is_repeated_at_the_end():
@@ -53,7 +56,9 @@ def test_what_failed_or_was_skipped_is_repeated_at_the_end():
     first, second, *rest = planned()
     queue.fail(first, "no marker")
     queue.skip(second)
+    assert queue.skipped == [second]
     queue.repeat(second)
+    assert queue.skipped == []
     queue.repeat(first)
     assert order(queue) == [*rest, second, first]
     # Nor is it shown as skipped any longer, now or in a resumed campaign.

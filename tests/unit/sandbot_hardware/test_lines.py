@@ -93,6 +93,18 @@ def test_damage_is_counted_once_until_the_next_message():
     assert reader.damaged == 2
 
 
+def test_what_never_ends_a_line_is_damage_too():
+    reader = Reader()
+    assert not list(reader.feed(b"x" * 2 * lines._LONGEST_LINE))
+    assert (reader.damaged, reader.in_step) == (1, False)
+
+
+def test_an_empty_frame_with_a_wrong_checksum_is_damage():
+    reader = Reader()
+    assert [line.kind for line in reader.feed(lines.encode("C", 1, 0, 12345) + LINE)] == ["W"]
+    assert reader.damaged == 1
+
+
 def test_frames_whose_bytes_are_all_damaged_are_counted_one_by_one():
     reader, frame = Reader(), bytearray(lines.encode_block("C", 1, b"x" * 100))
     frame[-1] ^= 1

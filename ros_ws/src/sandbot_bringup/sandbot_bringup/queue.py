@@ -164,7 +164,7 @@ class Queue:
     def left_s(self) -> float:
         """Estimated seconds until nothing waits; NaN before the first trial is done.
 
-        The time of a trial besides its walk (bed, recorder) is taken as the median over finished trials.
+        The time of a trial besides its walk (bed, recorder, standing) is taken as the median over finished trials.
         """
         done = [entry for entry in self.entries.values() if math.isfinite(entry.seconds)]
         if not done:
@@ -174,7 +174,7 @@ class Queue:
         return sum(self._walk_s(entry) + besides_s for entry in to_come)
 
     def _walk_s(self, entry: Entry) -> float:
-        return self.plan.duration_s(entry.trial.omega_rad_s) + self.plan.standing_s
+        return self.plan.duration_s(entry.trial.omega_rad_s)
 
     def rows(self) -> list[dict[str, Any]]:
         """The queue as plain values for JSON, in order of turn."""
