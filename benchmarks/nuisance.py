@@ -185,9 +185,11 @@ def _gain(case: Case, seed: int) -> float:
 
 
 def outcome(hidden: frozenset[str], verdict: Any) -> str:
-    """A column of the table: a verdict whose named sets do not hold what is hidden is a false claim."""
+    """A column of the table: a verdict whose named sets do not hold what is hidden is a false claim. What is `partial`
+    may name a part of it."""
     named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
-    if verdict.status in NAMES_EFFECTS and hidden not in named:
+    right = hidden in named or (verdict.status == "partial" and all(one <= hidden for one in named))
+    if verdict.status in NAMES_EFFECTS and not right:
         return "false claim"
     return "named" if verdict.status == "identified" else str(verdict.status)
 
