@@ -51,8 +51,7 @@ def made(
         cells=SimpleNamespace(
             pressed=None,
             pure_error_dof=np.full(4, replicates),
-            pure_error_from="replicates",
-            error_bars=False,
+            scatter="the scatter of replicates",
             phi=np.full(CELLS, 0.604),
             level_phi=np.array([0.6]),
             level=np.zeros(CELLS, dtype=int),
@@ -86,7 +85,7 @@ def test_nothing_missing_is_adequate_unless_an_effect_earns_its_claim():
 def test_the_one_set_that_repairs_the_model_is_identified():
     found = judged(BASE, made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8))
     assert (found.status, found.effects, found.alternatives) == ("identified", ("a",), (("a",),))
-    assert "leave nothing to explain" in found.because
+    assert "what remains is within the scatter of replicates" in found.because
 
 
 def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_same_if_it_does():
@@ -94,7 +93,7 @@ def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_s
     fits = {fit.effects: fit for fit in (BASE, best, b)}
     assert next_best(fits, best) == "the next best, b, has ΔBIC 230"
     tried = [made("c", deviance=62.0, variants=("c",)), made("a", deviance=55.0, variants=("a",))]
-    said = f"the next best, c (another), has ΔBIC 2 (selected from {verdict.CONVENTION_COUNT}); it can look the same"
+    said = f"the next best, c (another), has ΔBIC 2 (its form selected from {verdict.CONVENTION_COUNT}); it fits about as well"
     assert next_best(fits, best, tried) == said
     # Neither is what is clearly worse, shows a lack of fit, or has implausible values.
     assert next_best(fits, best, [made("c", deviance=80.0)]) == "the next best, c, has ΔBIC 20"
@@ -150,7 +149,7 @@ def test_why_what_would_leave_nothing_is_not_named(monkeypatch, base, why):
     monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
     found = judged(base, made("a", deviance=60.0))
     assert (found.status, found.effects) == ("unexplained", ())
-    assert found.because.startswith("a would leave replicates nothing to explain (lack of fit p = 0.5), " + why)
+    assert found.because.startswith("a would fit within the scatter of replicates (lack of fit p = 0.5), " + why)
 
 
 @pytest.mark.parametrize(
@@ -268,6 +267,6 @@ def test_where_delta_t_had_to_be_held_what_fits_as_well_speaks_against_a_claim()
     rival = made("b", deviance=61.0, at_bounds=("b.x",))
     found = judged(BASE, made("a", deviance=60.0, held=True), rival)
     assert found.status == "unexplained"
-    assert "b fits as well (ΔBIC 1), where b.x is at or beyond" in found.because
+    assert "b fits as well (ΔBIC 1), though with b.x at or beyond" in found.because
     assert judged(BASE, made("a", deviance=60.0), rival).status == "identified"
     assert judged(BASE, made("a", deviance=60.0, held=True), made("b", deviance=290.0, p=1e-8)).status == "identified"

@@ -74,7 +74,7 @@ def worthwhile(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTria
 
 def _mistaken(effect: Effect) -> str:
     """What no trial distinguishes from an effect, and the control experiment that does."""
-    control = f"; the control of {effect.identifier} tells ({effect.control})" if effect.control else ""
+    control = f"; a control experiment on {effect.identifier} decides ({effect.control})" if effect.control else ""
     return f"{effect.mistaken_for} would look the same{control}"
 
 

@@ -154,10 +154,8 @@ def _suggestion() -> html.Div:
 def _effects(floor_m_s: float) -> html.Fieldset:
     return html.Fieldset(
         [
-            html.Legend(
-                "Effects by ΔBIC, of each alone on all that is measured, and the error of mean speed without → with "
-                f"each{_floor(floor_m_s)}"
-            ),
+            html.Legend("Effects"),
+            html.P(f"Error of mean speed without → with each; sorted by ΔBIC{_floor(floor_m_s)}", className="soft"),
             html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
             html.Div(
                 [
@@ -210,8 +208,14 @@ def _tabs() -> list[html.Div]:
         html.Div(
             [
                 dcc.RadioItems(views, "speed", id="view", inline=True, className="tabs"),
-                html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
-                html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
+                html.Nav(
+                    [
+                        html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
+                        html.A(
+                            "Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"
+                        ),
+                    ]
+                ),
             ],
             className="tab-row",
         ),
