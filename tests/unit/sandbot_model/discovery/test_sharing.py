@@ -107,9 +107,7 @@ def prepared(*effects, seed=1):
 def test_a_zero_farther_off_than_is_believed_is_no_explanation_but_is_said(drawn):
     far = verdict(table(drawn, lift_zero_m=4e-3)).verdict
     assert far.status == "unexplained"
-    assert re.search(
-        r"; a lift-zero error of (3\.9|4) ± 0\.\d+ mm .* would explain it all: check that", far.because
-    )
+    assert re.search(r"; a lift-zero error of (3\.9|4) ± 0\.\d+ mm .* would explain it all: check that", far.because)
     clogged = drawn(seed=2, levels=4, formulas=["c: speed: kept *= 1 - 0.3/(1 + exp((15 - omega)/2))"])
     other = verdict(clogged).verdict
     assert other.status == "unexplained"

@@ -301,7 +301,9 @@ def test_what_gives_the_noise_is_named(bars):
         rows = [replace(row, speed_sd_m_s=0.05, **none) for row in rows]
     told = answer.of_comparison([fit(model_of("simple", (), {}), cells_of(from_rows(rows)))])
     assert ("; error bars of 5.0 cm/s" in told) == ("holds: its misfit is within the error bars" in told) == bars
-    assert ("replicates scatter by" in told) == ("holds: its misfit is within the scatter of replicates" in told) != bars
+    assert (
+        ("replicates scatter by" in told) == ("holds: its misfit is within the scatter of replicates" in told) != bars
+    )
 
 
 def test_of_a_class_the_class_is_said_and_not_its_first(two):

@@ -24,7 +24,7 @@ def told_from_others(search: EffectSearch, verdict: Verdict, others: Sequence[Fi
     if verdict.status == "identified":
         because.append(next_best(search.fits, search.fits[verdict.effects], others, search.criteria))
     if family:
-        because.append("standard errors cover its conventions that explain as much")
+        because.append("standard errors cover other forms of the formula that fit as well")
     return replace(verdict, because="; ".join(filter(None, because)))
 
 
