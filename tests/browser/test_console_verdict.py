@@ -54,6 +54,7 @@ class Watched:
 
     actions = ()
     look, status = None, {"state": "running", "stage": "walking"}
+    speed_m_s = ()
     stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until go"
 
     def snapshot(self, _page):
@@ -68,7 +69,9 @@ class Watched:
         made = Console({})
         made.set_trial(json.dumps({"trial_id": rows[-1]["trial_id"], **TRIAL}))
         made.set_campaign(json.dumps(status), time.monotonic())
-        return made.snapshot(time.monotonic())
+        shown = made.snapshot(time.monotonic())
+        measured = {"t_s": [-0.1 * n for n in range(len(self.speed_m_s))], "value": list(self.speed_m_s)}
+        return shown | {"speed": shown["speed"] | {"measured": measured}}
 
     def picture(self, _camera):
         return None
@@ -122,6 +125,21 @@ def test_a_point_lands_on_the_curves_of_the_rivals_at_its_own_packing(watched):
         ["stance overlap + leg slip", [9.0, 14.0, 16.0]],
         ["measured, φ 0.622", [17.8]],
     ]
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "low", "high"),
+    [((2e-4, -1e-4), (-2, -1), (1, 2)), ((0.5, -0.2), (-30, -20), (50, 60)), ((), (0, 0), (40, 40))],
+)
+def test_the_noise_of_a_robot_at_rest_looks_small(watched, speed_m_s, low, high):
+    """Controls: a walk fills the figure; without data the axis is as before."""
+    source, browser = watched
+    source.speed_m_s = speed_m_s
+    source.open()
+    drawn = "return document.getElementById('speed').layout?.yaxis.range"
+    span = WebDriverWait(browser, PATIENCE_S).until(lambda _: browser.execute_script(drawn))
+    assert low[0] <= span[0] <= low[1]
+    assert high[0] <= span[1] <= high[1]
 
 
 def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):
