@@ -105,7 +105,7 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
         for part in (
             "verdict:",
             "- best in",
-            "- a scale of the lift",
+            "- a lift-scale error",
             "why: ",
             "105 trials in 35 cells",
             "noise floor",
@@ -426,13 +426,13 @@ def test_how_to_repeat_another_convention_is_said_and_switched_on(two, variant):
 def test_why_one_model_has_two_numbers_is_said_below_the_ladder(two):
     assert two.fit.nuisances is not None
     told = " ".join(tables.ladder_of(two).split())
-    assert told.endswith("compare, p in 'why' and single effects below are without.")
+    assert told.endswith("Without them: compare, p in 'why' and the single effects below.")
     scatters = replace(two.fit.nuisances, names=("ln_k", *two.fit.nuisances.names[1:]))
     rough = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=scatters)))
-    of_batches = ", what differs between batches or conditions)"
+    of_batches = ", differences between batches or conditions)"
     assert [of_batches in " ".join(tables.ladder_of(each).split()) for each in (two, rough)] == [False, True]
     beside = replace(two, fits=tuple(replace(one, nuisances=two.fit.nuisances) for one in two.fits))
-    assert " ".join(tables.ladder_of(beside).split()).endswith("; compare is without.")
+    assert " ".join(tables.ladder_of(beside).split()).endswith("Without them: compare.")
     plain = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=None)))
     assert tables.ladder_of(plain) == tables.ladder(plain.steps)
 

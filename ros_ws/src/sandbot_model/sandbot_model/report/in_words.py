@@ -108,7 +108,7 @@ def _next(found: Discovery) -> str:
         return "next: try the formula given under What the catalogue does not explain"
     controls = (found.fit.model.catalogue[name].control for name in found.verdict.effects)
     if told := "; ".join(filter(None, controls)):
-        return f"to confirm it: {told}"
+        return f"to confirm it, {told}"
     return "no further measurement is proposed"
 
 
