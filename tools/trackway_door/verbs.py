@@ -56,7 +56,7 @@ GROUPS = {
         Verb("replay", "publish what a bag holds", "sandbot_record", ("trackway info {data}",)),
         Verb("info", "what a bag holds, and whether it is whole", "sandbot_record", ("trackway replay {data}",)),
         Verb("recover", "copies what is intact in a damaged bag into a complete one", "sandbot_record"),
-        Verb("table", "bags to the trials table", "sandbot_record", ("trackway compare {data}",)),
+        Verb("table", "make the trials table from bags", "sandbot_record", ("trackway compare {data}",)),
     ),
     "understand": (
         Verb(

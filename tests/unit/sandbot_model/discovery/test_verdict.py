@@ -93,7 +93,8 @@ def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_s
     fits = {fit.effects: fit for fit in (BASE, best, b)}
     assert next_best(fits, best) == "the next best, b, has ΔBIC 230"
     tried = [made("c", deviance=62.0, variants=("c",)), made("a", deviance=55.0, variants=("a",))]
-    said = f"the next best, c (another), has ΔBIC 2 (its form selected from {verdict.CONVENTION_COUNT}); it fits about as well"
+    form = f"its form selected from {verdict.CONVENTION_COUNT}"
+    said = f"the next best, c (another), has ΔBIC 2 ({form}); it fits about as well"
     assert next_best(fits, best, tried) == said
     # Neither is what is clearly worse, shows a lack of fit, or has implausible values.
     assert next_best(fits, best, [made("c", deviance=80.0)]) == "the next best, c, has ΔBIC 20"

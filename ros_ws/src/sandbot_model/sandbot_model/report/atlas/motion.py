@@ -1,6 +1,6 @@
 """Time series of two trials: leg angles with the clock signal (Li09 Fig. 1c), forward speed (Fig. 1d)."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 COLOURS = ("#b3261e", "#1f5fa8")
 """Red and blue as in the paper: closely and loosely packed."""
-LINES: tuple[dict[str, float], ...] = ({"linewidth": 2.6, "alpha": 0.5}, {})
+LINES: tuple[dict[str, Any], ...] = ({"linewidth": 2.6, "alpha": 0.5}, {})
 """The first broad and pale, the second thin: told apart also in grey, and where one covers the other."""
 PERIODS = 4
 TURN = 2 * np.pi
