@@ -55,7 +55,7 @@ class Watched:
     actions = ()
     look, status = None, {"state": "running", "stage": "walking"}
     speed_m_s = ()
-    stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until go"
+    stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until Go"
 
     def snapshot(self, _page):
         plan = with_start(plan_of(PLAN, "plan"))
@@ -161,7 +161,7 @@ def test_a_campaign_that_was_stopped_and_has_ended_offers_nothing_that_nobody_wo
     wait.until(lambda _: "walking" in shown(browser, "campaign-state"))
     assert (live(), shown(browser, "resume")) == ({"skip", "repeat"}, "")
     browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
-    wait.until(lambda _: shown(browser, "said").endswith("; the campaign is held until go"))
+    wait.until(lambda _: shown(browser, "said").endswith("; the campaign is held until Go"))
     source.status = {"state": "ended", "why": "interrupted"}
     wait.until(lambda _: "has ended: interrupted" in shown(browser, "campaign-state"))
     wait.until(lambda _: not live())

@@ -260,7 +260,7 @@ function drawCampaign(campaign) {
   for (const field of by("add").elements) field.disabled = gone;
   by("resume").textContent = ended && left + failed ? `to go on: trackway campaign ${campaign.folder}` : "";
   // Nobody can say go to a campaign that has ended; what was seen of legs and air stays.
-  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until go$/, "");
+  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until Go$/, "");
   drawQueue(queue, gone);
   drawVerdict(campaign.look);
 }
