@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
@@ -189,7 +190,7 @@ def test_where_an_unexplained_model_fails_is_named_by_its_worst_mean_and_stage(m
 def test_an_adequate_model_is_measured_against_what_was_given_as_error():
     base = made(deviance=60.0)
     assert "misses the cell means by no more than the scatter of replicates" in judged(base).because
-    base.cells.error_bars = True
+    base.cells.scatter = Cells.scatter.fget(SimpleNamespace(error_bars=True))
     assert "misses the cell means by no more than the error bars" in judged(base).because
 
 
