@@ -34,7 +34,7 @@ class Left:
 
     @property
     def repaired(self) -> bool:
-        """Replicates leave nothing to explain, and the error out of sample is that of the noise."""
+        """What remains is within the scatter of replicates, and the error out of sample is that of the noise."""
         return self.p >= DEFAULT.lack_of_fit and self.over_floor[1] <= 1.1
 
 
@@ -77,8 +77,8 @@ def report(all_left: Sequence[Left]) -> str:
         "",
         f"{len(all_left)} worlds of the virtual lab with an effect outside the catalogue, {len(hidden.PHI)} φ × "
         f"{len(hidden.OMEGA)} ω × 3 trials; `discover` with single effects, then the formula it offers added as "
-        "`compare --effect` does. Repaired: replicates then leave nothing to explain, and the error out of sample is "
-        "at most 1.10 × the noise floor.",
+        "`compare --effect` does. Repaired: what remains is within the scatter of replicates, and the error out of "
+        "sample is at most 1.10 × the noise floor.",
         "",
         f"Unexplained: {len(asked)} of {len(all_left)}; of these a formula repairs "
         f"{sum(one.repaired for one in asked)}, does not repair {sum(not one.repaired for one in asked)}.",

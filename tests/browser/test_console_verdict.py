@@ -54,7 +54,8 @@ class Watched:
 
     actions = ()
     look, status = None, {"state": "running", "stage": "walking"}
-    stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until go"
+    speed_m_s = ()
+    stopped = True, "legs at rest after 0.02 s; air off; the campaign is held until Go"
 
     def snapshot(self, _page):
         plan = with_start(plan_of(PLAN, "plan"))
@@ -68,7 +69,9 @@ class Watched:
         made = Console({})
         made.set_trial(json.dumps({"trial_id": rows[-1]["trial_id"], **TRIAL}))
         made.set_campaign(json.dumps(status), time.monotonic())
-        return made.snapshot(time.monotonic())
+        shown = made.snapshot(time.monotonic())
+        measured = {"t_s": [-0.1 * n for n in range(len(self.speed_m_s))], "value": list(self.speed_m_s)}
+        return shown | {"speed": shown["speed"] | {"measured": measured}}
 
     def picture(self, _camera):
         return None
@@ -124,6 +127,21 @@ def test_a_point_lands_on_the_curves_of_the_rivals_at_its_own_packing(watched):
     ]
 
 
+@pytest.mark.parametrize(
+    ("speed_m_s", "low", "high"),
+    [((2e-4, -1e-4), (-2, -1), (1, 2)), ((0.5, -0.2), (-30, -20), (50, 60)), ((), (0, 0), (40, 40))],
+)
+def test_the_noise_of_a_robot_at_rest_looks_small(watched, speed_m_s, low, high):
+    """Controls: a walk fills the figure; without data the axis is as before."""
+    source, browser = watched
+    source.speed_m_s = speed_m_s
+    source.open()
+    drawn = "return document.getElementById('speed').layout?.yaxis.range"
+    span = WebDriverWait(browser, PATIENCE_S).until(lambda _: browser.execute_script(drawn))
+    assert low[0] <= span[0] <= low[1]
+    assert high[0] <= span[1] <= high[1]
+
+
 def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):
     source, browser = watched
     source.open()
@@ -143,7 +161,7 @@ def test_a_campaign_that_was_stopped_and_has_ended_offers_nothing_that_nobody_wo
     wait.until(lambda _: "walking" in shown(browser, "campaign-state"))
     assert (live(), shown(browser, "resume")) == ({"skip", "repeat"}, "")
     browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
-    wait.until(lambda _: shown(browser, "said").endswith("; the campaign is held until go"))
+    wait.until(lambda _: shown(browser, "said").endswith("; the campaign is held until Go"))
     source.status = {"state": "ended", "why": "interrupted"}
     wait.until(lambda _: "has ended: interrupted" in shown(browser, "campaign-state"))
     wait.until(lambda _: not live())

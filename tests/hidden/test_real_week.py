@@ -65,7 +65,7 @@ def test_a_bed_that_scatters_is_granted_beside_a_lift_zero_that_would_do():
     one = found(1000, "omega", order="randomised", max_effects=0, k_batch_sd=0.005, k_drift=0.01, lift_zero_m=3e-4)
     assert one.verdict.status == "adequate"
     assert "k that scatters by" in one.verdict.because
-    assert "a lift zero off by" in one.verdict.because
+    assert "a lift-zero error of" in one.verdict.because
     delta_t = one.fit.parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
 
@@ -74,7 +74,7 @@ def test_a_bed_that_scatters_is_granted_beside_a_lift_zero_that_would_do():
 def test_a_lift_read_one_grain_too_high_is_no_effect():
     one = found(3, lift_zero_m=1e-3)
     assert one.verdict.status == "adequate"
-    assert "a lift zero off by" in one.verdict.because
+    assert "a lift-zero error of" in one.verdict.because
 
 
 STRONG_WEEK = {"k_batch_sd": 0.01, "k_drift": 0.03, "lift_zero_m": 1e-3, "speed_scale": 0.01}

@@ -35,7 +35,7 @@ def test_a_ground_outside_the_catalogue_is_not_named():
     """The one effect that could pass for it is not what fits best."""
     found = verdict(OUTSIDE, 3)
     assert (found.status, found.effects) == ("unexplained", ())
-    assert "dilation leaves replicates nothing to explain" in found.because
+    assert "dilation fits within the scatter of replicates" in found.because
     assert "but phi_dependent_response fits better still" in found.because
 
 

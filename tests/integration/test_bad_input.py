@@ -161,6 +161,8 @@ WORLDS = [
 ]
 
 TABLES = [
+    case("csv-a-plan", compare, "@/plan.yaml", "plan.yaml: not trials; a campaign folder, bags or", plan__yaml=PLAN),
+    case("csv-a-result", discover, "@/first.json", "first.json: not trials; a campaign", first__json="{}"),
     csv_case("missing-column", "phi,omega_rad_s\n0.6,8\n", "row 1", "speed_m_s"),
     csv_case("no-unit", "phi,omega_rad_s,speed\n0.6,8,20\n", "row 1", "speed needs its unit"),
     csv_case("empty", "", "empty", "phi"),
@@ -239,6 +241,8 @@ POINT_TABLES = [
 
 SEALS = [
     case("unseal-no-discovery", unseal, "@", "discovery.json", "no such file", campaign__yaml=PLAN),
+    case("unseal-no-campaign", unseal, "@", "world.yaml: is it a campaign of the virtual lab?", a__csv=GOOD),
+    case("unseal-before-discover", unseal, "@", "make it with: trackway discover", **{"truth/world__yaml": ""}),
     case("unseal-missing", unseal, "@/nowhere", "nowhere", "no such file"),
     case("unseal-not-json", unseal, "@", "discovery.json", "not JSON", discovery__json="{"),
     case("unseal-a-file", unseal, "@/a.csv", "@/a.csv is a file, a folder is needed", a__csv=GOOD),

@@ -46,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         type=float,
         default=PATIENCE_S,
         metavar="S",
-        help=f"wait so long for a message's round trip (default: {PATIENCE_S:g})",
+        help=f"longest wait for a message's round trip (default: {PATIENCE_S:g})",
     )
     args = parser.parse_args(argv)
     if not 0 < args.patience <= LONGEST_S:

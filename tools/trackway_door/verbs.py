@@ -36,7 +36,7 @@ NEW = ("--next",)
 GROUPS = {
     "begin": (
         Verb("demo", "a blind campaign on the virtual lab, from trials to verdict", "", ("trackway explore {data}",)),
-        Verb("doctor", "whether this installation works, and what to do if not", "", ("trackway demo",)),
+        Verb("doctor", "check this installation, and say what to do if it fails", "", ("trackway demo",)),
     ),
     "measure": (
         Verb(
@@ -45,37 +45,37 @@ GROUPS = {
             "sandbot_bringup",
             ("trackway compare {out}", "trackway discover {out}"),
         ),
-        Verb("live", "the whole trackway over DDS with the virtual lab (console:=true)"),
+        Verb("live", "all nodes, with the virtual lab (console:=true: and the page)"),
         Verb("lab", "the virtual lab's node alone: robot, bed and cameras", "sandbot_lab"),
         Verb("console", "the live page: STOP, queue, bed, cameras", "sandbot_bringup"),
-        Verb("calibrate", "a camera, from points or a chessboard", "sandbot_tracking"),
-        Verb("track_video", "films to v_x(t) and the four observables", "sandbot_tracking"),
+        Verb("calibrate", "calibrate a camera, from points or a chessboard", "sandbot_tracking"),
+        Verb("track_video", "track films: v_x(t) and the four observables", "sandbot_tracking"),
     ),
     "record": (
-        Verb("record", "topics into a bag", "sandbot_record", ("trackway info {out}", "trackway replay {out}")),
+        Verb("record", "record topics to a bag", "sandbot_record", ("trackway info {out}", "trackway replay {out}")),
         Verb("replay", "publish what a bag holds", "sandbot_record", ("trackway info {data}",)),
-        Verb("info", "what a bag holds, and whether it is whole", "sandbot_record", ("trackway replay {data}",)),
-        Verb("recover", "copies what is intact in a damaged bag into a complete one", "sandbot_record"),
-        Verb("table", "bags to the trials table", "sandbot_record", ("trackway compare {data}",)),
+        Verb("info", "what a bag holds, and whether it is complete", "sandbot_record", ("trackway replay {data}",)),
+        Verb("recover", "copy what is intact in a damaged bag to a new one", "sandbot_record"),
+        Verb("table", "make the trials table from bags", "sandbot_record", ("trackway compare {data}",)),
     ),
     "understand": (
         Verb(
             "compare",
-            "the model beside the measurements, over the noise floor",
+            "fit a model; its errors next to the scatter of replicates",
             "sandbot_model",
             ("trackway discover {data}", "trackway explore {data}"),
             (*SETTING, "--model"),
         ),
         Verb(
             "discover",
-            "names the missing physical effect, or says that none is missing",
+            "name the missing physical effect, or say that none is",
             "sandbot_model",
             ("trackway explore {data}", "trackway discover {given} --html report.html"),
             (*SETTING, *BED, "--model"),
         ),
         Verb(
             "explore",
-            "the page: switch effects on and watch the error fall",
+            "a page: switch effects on and watch the error fall",
             "sandbot_model",
             takes=(*SETTING, *BED, "--selection"),
         ),
@@ -87,7 +87,7 @@ GROUPS = {
             "sandbot_model",
             ("trackway effects --quantities",),
         ),
-        Verb("unseal", "open the virtual lab's truth, hold the verdict against it", "sandbot_bringup"),
+        Verb("unseal", "open the virtual lab's truth, compare the verdict with it", "sandbot_bringup"),
         Verb("penetrometer", "press a leg into the virtual lab's ground", "sandbot_lab"),
     ),
 }

@@ -21,14 +21,14 @@ class Hold:
         """End the trial under way and hold; returns what is going to happen."""
         if self.state != "held":  # otherwise no trial is under way
             self.why, self.now, self.pausing = why, True, False
-        return "the campaign is held until go"
+        return "the campaign is held until Go"
 
     def pause(self) -> str:
         """Hold after the trial under way; returns what is going to happen."""
         if self.why:
             return f"held already: {self.why}"
         self.pausing = True
-        return "the campaign is held after this trial, until go"
+        return "the campaign is held after this trial, until Go"
 
     def between_trials(self) -> None:
         """No trial is under way: pending requests take effect."""

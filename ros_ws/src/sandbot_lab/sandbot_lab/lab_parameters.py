@@ -11,7 +11,7 @@ from sandbot_lab.world import START_X_M
 class LabParameters:
     """Parameters of the lab node."""
 
-    world: str = parameter("", doc="sealed world file; empty: the null world")
+    world: str = parameter("", doc="sealed world file; empty: one in which nothing is hidden")
     cameras: str = parameter("", doc="cameras file; empty: the project's own")
     robot: str = parameter(
         "", doc="robot file; empty: SandBot. A robot in /trial takes precedence over it, and one in the world over both"

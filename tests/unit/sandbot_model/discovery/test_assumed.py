@@ -63,7 +63,7 @@ def test_a_gait_that_would_change_the_verdict_is_named_where_none_is_given(monke
     tried = other_gait.tried_with_other_gaits(found, some)
     changes = fails_at == "UNIFORM" and not gait
     assert (tried is found) != changes
-    told = "if the gait was UNIFORM, the simple model fails (lack of fit p = 1e-06); a column gait would settle that"
+    told = "if the gait was UNIFORM, the simple model fails (lack of fit p = 1e-06); a gait column would settle this"
     assert tried.verdict.because.endswith(told) == changes
     assert "HGCS" not in tried.verdict.because
 

@@ -157,8 +157,8 @@ def test_what_has_the_very_formula_of_a_claim_is_told(drawn):
         found = discover(cells_of(drawn((hidden,), seed=6)), few, max_effects=1)
         assert found.headline == f"identified: {hidden}"
         said[hidden] = (
-            "not its peak speed, unlike cable_drag, would look the same; the control of stance_overlap tells "
-            f"({few['stance_overlap'].control})"
+            "not its peak speed, unlike cable_drag, would look the same; a control experiment on stance_overlap "
+            f"decides ({few['stance_overlap'].control})"
         ) in found.verdict.because
     assert said == {"stance_overlap": True, "phi_dependent_response": False}
 

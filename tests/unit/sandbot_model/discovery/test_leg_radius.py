@@ -33,7 +33,7 @@ def test_a_scale_of_several_priors_may_be_a_wrong_radius(trials):
     found, right = found_with(trials, 1.05, max_effects=1), found_with(trials, 1.0, max_effects=1)
     assert found.verdict.status == right.verdict.status == "adequate"
     because = " ".join(found.verdict.because.split())
-    assert "a speed scale off by" in because
+    assert "a speed-scale error of" in because
     assert "explain as much: measure them (standard errors of Δt and k cover" in because
     radius_cm, stderr_cm, given_cm = map(float, LEGS.search(because).groups())
     assert radius_cm == pytest.approx(3.55, abs=3 * stderr_cm)
@@ -55,7 +55,7 @@ def test_no_effect_is_claimed_that_a_wrong_radius_explains_as_well(trials, share
 def test_a_scale_that_is_off_is_not_taken_for_a_radius(trials):
     long = {name: 1.03 * getattr(trials, name) for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")}
     found = discover(cells_of(replace(trials, **long)), FEW, max_effects=1)
-    assert "a speed scale off by" in found.verdict.because
+    assert "a speed-scale error of" in found.verdict.because
     assert "legs of" not in found.verdict.because
 
 

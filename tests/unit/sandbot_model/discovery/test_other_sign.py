@@ -24,4 +24,4 @@ def test_a_claim_that_the_other_sign_equals_is_refused(drawn, formula, status):
     assert found.verdict.status == status
     refused = "stance_overlap.eta = -0.1" in found.verdict.because
     assert refused == (status == "unexplained")
-    assert not refused or "of a sign that stance_overlap can't have, does as well" in found.verdict.because
+    assert not refused or "of a sign that stance_overlap can't have, fits as well" in found.verdict.because

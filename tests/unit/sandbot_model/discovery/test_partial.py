@@ -118,7 +118,7 @@ def test_how_wide_its_range_is_beats_no_rival(drawn, f_c_n, names):
     found = beyond_its_range(search)
     assert {name for sets in (found[0].alternatives if found else ()) for name in sets} == names
     if found:
-        assert "does as well" in found[0].because
+        assert "fits as well" in found[0].because
         assert search.fits["cable_drag",].parameters["cable_drag.f_c_n"].value == pytest.approx(f_c_n, abs=0.05)
         assert search.fits["cable_drag",].errors_hold
 

@@ -50,7 +50,7 @@ def verdict(trials):
 def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     found = verdict(table(drawn, lift_zero_m=1e-3))
     assert found.verdict.status == "adequate"
-    assert "a lift zero off by" in found.verdict.because
+    assert "a lift-zero error of" in found.verdict.because
     assert "k that scatters" not in found.verdict.because
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
@@ -107,9 +107,7 @@ def prepared(*effects, seed=1):
 def test_a_zero_farther_off_than_is_believed_is_no_explanation_but_is_said(drawn):
     far = verdict(table(drawn, lift_zero_m=4e-3)).verdict
     assert far.status == "unexplained"
-    assert re.search(
-        r"; a lift zero off by (3\.9|4) ± 0\.\d+ mm .* would leave nothing to explain: check that", far.because
-    )
+    assert re.search(r"; a lift-zero error of (3\.9|4) ± 0\.\d+ mm .* would explain it all: check that", far.because)
     clogged = drawn(seed=2, levels=4, formulas=["c: speed: kept *= 1 - 0.3/(1 + exp((15 - omega)/2))"])
     other = verdict(clogged).verdict
     assert other.status == "unexplained"
@@ -123,7 +121,7 @@ def test_of_two_readings_that_which_is_off_is_named(drawn):
     rows = [dataclasses.replace(row, **{name: 1.05 * getattr(row, name) for name in along}) for row in rows]
     few = {name: effect for name, effect in catalogue().items() if name in ("bed_slope", "stance_overlap")}
     because = discover(cells_of(from_rows(rows)), few, max_effects=1).verdict.because
-    assert re.search(r"a speed scale off by (4\.\d|5) ± .* would explain as much", because)
+    assert re.search(r"a speed-scale error of (4\.\d|5) ± .* would explain as much", because)
     assert "lift zero" not in because
 
 
@@ -135,7 +133,7 @@ def test_a_lift_read_too_large_looks_like_a_loss_of_speed_and_is_said(drawn):
     few = {name: effect for name, effect in catalogue().items() if name in ("disturbed_ground", "stance_overlap")}
     scaled = discover(cells_of(with_lift_scaled(drawn(seed=2, levels=7, noise=0.4), 1.15)), few, max_effects=1).verdict
     assert scaled.effects == ("stance_overlap",)
-    assert re.search(r"a scale of the lift off by 1[3-7] ± .* would explain as much", scaled.because)
+    assert re.search(r"a lift-scale error of 1[3-7] ± .* would explain as much", scaled.because)
     disturbed = discover(cells_of(drawn(("disturbed_ground",), seed=2, levels=7)), few, max_effects=1).verdict
     assert disturbed.effects == ("disturbed_ground",)
     assert "scale of the lift" not in disturbed.because
@@ -146,7 +144,7 @@ def test_a_lift_read_too_small_is_no_explanation_but_is_said(drawn):
     few = {name: effect for name, effect in catalogue().items() if name in ("disturbed_ground", "stance_overlap")}
     far = discover(cells_of(with_lift_scaled(drawn(seed=2, levels=7, noise=0.4), 0.85)), few, max_effects=1).verdict
     assert far.status == "unexplained"
-    assert re.search(r"a scale of the lift off by -1[3-9] ± .* would leave nothing to explain: check that", far.because)
+    assert re.search(r"a lift-scale error of -1[3-9] ± .* would explain it all: check that", far.because)
 
 
 def test_a_pair_that_stands_beside_nuisances_ends_no_search_among_single_effects(drawn):
@@ -258,7 +256,7 @@ def test_how_far_batches_differ_is_told_apart(drawn):
 def test_an_overlap_is_no_lift_zero(drawn):
     found = verdict(table(drawn, ("stance_overlap",)))
     assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
-    assert not re.search("(zero|speed scale) off by", found.verdict.because)
+    assert not re.search("(zero|speed-scale) error of", found.verdict.because)
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert abs(zero["value"]) < 3 * zero["stderr"]
 
@@ -271,7 +269,7 @@ def read_too_short(trials, share):
 def test_a_scale_a_little_off_is_granted(drawn):
     found = verdict(read_too_short(table(drawn), 0.015))
     assert found.verdict.status == "adequate"
-    assert "a speed scale off by" in found.verdict.because
+    assert "a speed-scale error of" in found.verdict.because
 
 
 def test_a_scale_that_no_calibration_is_off_by_explains_nothing(drawn):

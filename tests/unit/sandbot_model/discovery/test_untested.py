@@ -55,7 +55,7 @@ def test_copies_test_nothing():
     alike = [replace(row, trial_id=f"{row.trial_id}{n}", replicate=n) for row in rows(null_world()) for n in (1.0, 2.0)]
     verdict = untested(cells_of(from_rows(alike)), SIMPLE, DEFAULT)
     assert verdict.status == "untested"
-    assert verdict.because.startswith("replicates agree to the last digit, as copies do or a computation without noise")
+    assert verdict.because.startswith("replicates agree to the last digit, as copies or a noise-free computation would")
 
 
 @pytest.mark.parametrize("found", [one_replicated, lambda: rows(DISTURBED)], ids=["one condition", "none"])
@@ -109,7 +109,7 @@ def test_a_design_with_too_few_cell_means_is_asked_for_new_conditions_and_then_i
     cells = cells_of(from_rows(measured))
     said = untested(cells, SIMPLE, DEFAULT).because
     wanted = to_run(cells, SIMPLE)
-    assert "3 trials at each of 6 new conditions would do" in said
+    assert "3 trials at each of 6 new conditions would suffice" in said
     assert len(wanted) == 6
     assert not {(round(one.phi, 2), one.omega_rad_s) for one in wanted} & {(round(phi, 2), w) for phi, w in design}
     assert all(cells.level_phi.min() <= one.phi <= cells.level_phi.max() for one in wanted)
@@ -123,7 +123,7 @@ def test_a_design_with_too_few_cell_means_is_asked_for_new_conditions_and_then_i
 
 def test_a_design_with_enough_cell_means_is_asked_for_replicates():
     cells = cells_of(from_rows(run(DISTURBED, [(phi, omega) for phi in PHI[:2] for omega in OMEGA], 1, seed=10)))
-    assert "2 more trials at each of 6 conditions would do" in untested(cells, SIMPLE, DEFAULT).because
+    assert "2 more trials at each of 6 conditions would suffice" in untested(cells, SIMPLE, DEFAULT).because
     assert list(map(repr, to_run(cells, SIMPLE))) == list(map(repr, repeats(cells)))
 
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
@@ -61,8 +62,7 @@ def made(
         cells=SimpleNamespace(
             pressed=None,
             pure_error_dof=np.full(4, replicates),
-            pure_error_from="replicates",
-            error_bars=False,
+            scatter="the scatter of replicates",
             phi=np.full(CELLS, 0.604),
             level_phi=np.array([0.6]),
             level=np.zeros(CELLS, dtype=int),
@@ -96,7 +96,7 @@ def test_nothing_missing_is_adequate_unless_an_effect_earns_its_claim():
 def test_the_one_set_that_repairs_the_model_is_identified():
     found = judged(BASE, made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8))
     assert (found.status, found.effects, found.alternatives) == ("identified", ("a",), (("a",),))
-    assert "leave nothing to explain" in found.because
+    assert "what remains is within the scatter of replicates" in found.because
 
 
 def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_same_if_it_does():
@@ -104,7 +104,8 @@ def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_s
     fits = {fit.effects: fit for fit in (BASE, best, b)}
     assert next_best(fits, best) == "the next best, b, has ΔBIC 230"
     tried = [made("c", deviance=62.0, variants=("c",)), made("a", deviance=55.0, variants=("a",))]
-    said = f"the next best, c (another), has ΔBIC 2 (selected from {verdict.CONVENTION_COUNT}); it can look the same"
+    form = f"its form selected from {verdict.CONVENTION_COUNT}"
+    said = f"the next best, c (another), has ΔBIC 2 ({form}); it fits about as well"
     assert next_best(fits, best, tried) == said
     # Neither is what is clearly worse, shows a lack of fit, or has implausible values.
     assert next_best(fits, best, [made("c", deviance=80.0)]) == "the next best, c, has ΔBIC 20"
@@ -189,7 +190,7 @@ def test_where_an_unexplained_model_fails_is_named_by_its_worst_mean_and_stage(m
 def test_an_adequate_model_is_measured_against_what_was_given_as_error():
     base = made(deviance=60.0)
     assert "misses the cell means by no more than the scatter of replicates" in judged(base).because
-    base.cells.error_bars = True
+    base.cells.scatter = Cells.scatter.fget(SimpleNamespace(error_bars=True))
     assert "misses the cell means by no more than the error bars" in judged(base).because
 
 
@@ -204,7 +205,7 @@ def test_why_what_would_leave_nothing_is_not_named(monkeypatch, base, why):
     monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
     found = judged(base, made("a", deviance=60.0))
     assert (found.status, found.effects) == ("unexplained", ())
-    assert found.because.startswith("a would leave replicates nothing to explain (lack of fit p = 0.5), " + why)
+    assert found.because.startswith("a would fit within the scatter of replicates (lack of fit p = 0.5), " + why)
 
 
 @pytest.mark.parametrize(
@@ -322,6 +323,6 @@ def test_where_delta_t_had_to_be_held_what_fits_as_well_speaks_against_a_claim()
     rival = made("b", deviance=61.0, at_bounds=("b.x",))
     found = judged(BASE, made("a", deviance=60.0, held=True), rival)
     assert found.status == "unexplained"
-    assert "b fits as well (ΔBIC 1), where b.x is at or beyond" in found.because
+    assert "b fits as well (ΔBIC 1), though with b.x at or beyond" in found.because
     assert judged(BASE, made("a", deviance=60.0), rival).status == "identified"
     assert judged(BASE, made("a", deviance=60.0, held=True), made("b", deviance=290.0, p=1e-8)).status == "identified"

@@ -235,6 +235,7 @@ def test_its_tables_hold_its_numbers(slipping):
     assert frame.loc["leg_slip.sigma", "value"] == slipping.parameters["leg_slip.sigma"].value
     assert frame.loc["k_n_per_m", "stderr"].to_numpy() == pytest.approx(slipping.k_stderr_n_per_m)
     assert len(residuals) == slipping.problem.measured.sum()
+    assert sorted(set(residuals.level_phi)) == sorted(frame.loc["k_n_per_m", "phi"])
     missed = residuals[residuals.z.abs() > 3]
     assert len(missed) == len(slipping.fails)
     assert (residuals.measured - residuals.predicted).to_numpy() == pytest.approx(residuals.residual)

@@ -105,7 +105,7 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
         for part in (
             "verdict:",
             "- best in",
-            "- a scale of the lift",
+            "- a lift-scale error",
             "why: ",
             "105 trials in 35 cells",
             "noise floor",
@@ -300,8 +300,10 @@ def test_what_gives_the_noise_is_named(bars):
         none = {name: float("nan") for name in ("replicate", "lift_m", "peak_speed_m_s", "first_step_m")}
         rows = [replace(row, speed_sd_m_s=0.05, **none) for row in rows]
     told = answer.of_comparison([fit(model_of("simple", (), {}), cells_of(from_rows(rows)))])
-    assert ("; error bars of 5.0 cm/s" in told) == ("holds: error bars leave nothing to explain" in told) == bars
-    assert ("replicates scatter by" in told) == ("holds: replicates leave nothing to explain" in told) != bars
+    assert ("; error bars of 5.0 cm/s" in told) == ("holds: its misfit is within the error bars" in told) == bars
+    assert (
+        ("replicates scatter by" in told) == ("holds: its misfit is within the scatter of replicates" in told) != bars
+    )
 
 
 def test_of_a_class_the_class_is_said_and_not_its_first(two):
@@ -347,7 +349,7 @@ def test_a_base_model_that_holds_only_off_calibration_says_so_in_its_first_line(
     for off_m in (0.0, 1e-3, 5e-3):
         base = fit(model_of("simple", (), {}), cells_of(replace(trials, lift_m=trials.lift_m + off_m)))
         told = " ".join(answer.of_comparison([base]).split("\n  ")[0].split())
-        first[off_m] = "model holds: " in told, "model fails: " in told, "allows for a lift zero off by" in told
+        first[off_m] = "model holds: " in told, "model fails: " in told, "allowing for a lift-zero error of" in told
     assert first == {0.0: (True, False, False), 1e-3: (False, True, True), 5e-3: (False, True, False)}
     verdict = Verdict("adequate", (), (), "")
     assert replace(two, verdict=verdict, allowing="a drift").headline == "adequate, allowing for a drift"
@@ -424,13 +426,13 @@ def test_how_to_repeat_another_convention_is_said_and_switched_on(two, variant):
 def test_why_one_model_has_two_numbers_is_said_below_the_ladder(two):
     assert two.fit.nuisances is not None
     told = " ".join(tables.ladder_of(two).split())
-    assert told.endswith("compare, p in 'why' and single effects below are without.")
+    assert told.endswith("Without them: compare, p in 'why' and the single effects below.")
     scatters = replace(two.fit.nuisances, names=("ln_k", *two.fit.nuisances.names[1:]))
     rough = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=scatters)))
-    of_batches = ", what differs between batches or conditions)"
+    of_batches = ", differences between batches or conditions)"
     assert [of_batches in " ".join(tables.ladder_of(each).split()) for each in (two, rough)] == [False, True]
     beside = replace(two, fits=tuple(replace(one, nuisances=two.fit.nuisances) for one in two.fits))
-    assert " ".join(tables.ladder_of(beside).split()).endswith("; compare is without.")
+    assert " ".join(tables.ladder_of(beside).split()).endswith("Without them: compare.")
     plain = replace(two, steps=(*two.steps[:-1], replace(two.fit, nuisances=None)))
     assert tables.ladder_of(plain) == tables.ladder(plain.steps)
 

@@ -111,6 +111,19 @@ def test_a_frame_a_path_and_trials_are_the_same_data(trials, tmp_path):
     np.testing.assert_allclose(errors, errors[0], rtol=0, atol=1e-15)
 
 
+def test_models_are_compared_in_one_frame(trials):
+    """One row for each step, with the numbers of the JSON; control: without effects it is the base model's alone."""
+    found = sm.compare(trials, ["stance_overlap"])
+    frame = found.to_frame()
+    assert list(frame.index) == ["simple model", "simple model + stance_overlap"] == [step.name for step in found.steps]
+    for (_, row), step in zip(frame.iterrows(), found.to_dict()["steps"], strict=True):
+        assert row["cv_rmse_m_s"] == step["cv_rmse_m_s"]
+        assert row["lack_of_fit_p"] == step["lack_of_fit_p"]
+    assert frame["bic"].idxmin() == found.fit.name
+    assert frame["cells_missed"].iloc[0] > frame["cells_missed"].iloc[1]
+    assert list(sm.compare(trials).to_frame().index) == ["simple model"]
+
+
 def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
     frame = trials.to_frame()
     with pytest.raises(sm.InputError, match=r"^data: row 1: column speed_m_s is missing"):
@@ -125,10 +138,11 @@ def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
     ("arguments", "message"),
     [
         ({"data": "nowhere.csv"}, "data: nowhere.csv: no such file or folder"),
-        ({"data": 7}, "data: int; a path, several, a DataFrame or Trials is needed"),
+        ({"data": 7}, "data: int; a path, several paths, a DataFrame or Trials is needed"),
         ({"model": "simpel"}, "model: 'simpel' is not one of simple, full"),
         ({"max_effects": -1}, "max_effects: -1; 0 or more are needed"),
         ({"formulas": "a: b: c"}, "formulas: 'a: b: c' is one string"),
+        ({"formulas": ["a: b: c"]}, "formulas: 'a: b: c': no stage 'b'"),
         ({"effects_from": "nowhere.py"}, "nowhere.py: no such file"),
         ({"workers": 0}, "workers: 0; at least one process is needed"),
         ({"max_effects": 1.5}, "max_effects: 1.5; a whole number is needed"),

@@ -113,6 +113,8 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number; a value is needed here"),
         (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
         (GOOD + "60,8,0.2\n", "row 4, column phi: 60 is out of range: .* divide percent by 100"),
+        (GOOD + ".6,8,20\n", "column speed_m_s: 20 is out of range: a speed in m/s is needed; divide cm/s by 100$"),
+        (GOOD + ".6,8,2000\n", "column speed_m_s: 2000 is out of range: a speed in m/s is needed$"),
         (
             "phi [%],omega_rad_s,speed_m_s\n105,8,0.2\n",
             "phi: 105 × 0.01 = 1.05 is out of range: a volume fraction between 0 and 1, both excluded is needed$",

@@ -129,15 +129,18 @@ function limits(values, empty, least = 0) {
 }
 const fromZero = (values, empty) => { const [low, high] = limits([0, ...values], empty); return [low < 0 ? low : 0, high || empty[1]]; };
 
+/** Speeds [cm/s] that the figure always spans, so that a robot at rest is not seen to shake. */
+const REST = [-1, 1];
+
 function drawSpeed(speed) {
   if (!changed("speed", speed)) return;
   const cm = series => series.value.map(v => v == null ? null : 100 * v);
-  const measured = cm(speed.measured), model = cm(speed.predicted);
+  const measured = cm(speed.measured), model = cm(speed.predicted), seen = [...measured, ...model].filter(v => v != null);
   Plotly.react("speed", [
     line("measured", speed.measured.t_s, measured, colour("measured")),
     line("model", speed.predicted.t_s, model, colour("model"), "dash"),
   ], layout(["time before the last frame [s]", {range: [-5, 0]}],
-    ["v<sub>x</sub> [cm/s]", {range: fromZero([...measured, ...model], [0, 40])}]), options);
+    ["v<sub>x</sub> [cm/s]", {range: fromZero(seen.length ? [...REST, ...seen] : [], [0, 40])}]), options);
 }
 
 function drawPacking(packing) {
@@ -257,7 +260,7 @@ function drawCampaign(campaign) {
   for (const field of by("add").elements) field.disabled = gone;
   by("resume").textContent = ended && left + failed ? `to go on: trackway campaign ${campaign.folder}` : "";
   // Nobody can say go to a campaign that has ended; what was seen of legs and air stays.
-  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until go$/, "");
+  if (ended) by("said").textContent = by("said").textContent.replace(/; the campaign is held[^;]*until Go$/, "");
   drawQueue(queue, gone);
   drawVerdict(campaign.look);
 }

@@ -127,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, help="the campaign's folder (default: next to the plan, under its name)")
     parser.add_argument("--batch", action="store_true", help="virtual lab in process, as fast as the CPU allows")
     parser.add_argument("--plan", dest="next_trials", type=Path, help="add the next_trials of this discovery JSON")
-    parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (--batch; default: the null world)")
+    parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (--batch; default: nothing is hidden)")
     parser.add_argument(
         "--hide",
         type=int,
@@ -139,7 +139,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_crew(parser, "run the trials of --batch")
     parser.add_argument(
-        "--redo", choices=("failed",), help="run again, once, what is not ok; its bags are kept in trials/.partial"
+        "--redo",
+        choices=("failed",),
+        help="run each trial that is not ok once more; its bag is kept in trials/.partial",
     )
     _add_until(parser)
     parser.add_argument(
@@ -163,7 +165,7 @@ def _add_until(parser: argparse.ArgumentParser) -> None:
         help="run only as much of the plan's grid as a verdict needs: after each block choose the next, or stop",
     )
     parser.add_argument(
-        "--budget", type=int, metavar="N", help="most trials (--until; default: as many as the grid has)"
+        "--budget", type=int, metavar="N", help="largest number of trials (--until; default: as many as the grid has)"
     )
     usual = {field.name: field.default for field in dataclasses.fields(Plan)}
     for spec in specs(Plan):

@@ -27,7 +27,7 @@ def command(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     folder = CampaignFolder(options.folder)
     path = options.discovery or options.folder / "discovery.json"
-    discovery = _read(path, options.folder)
+    discovery = _read(path, folder)
     try:
         found = summary(discovery)
         truth = truth_of(read_world(folder.truth), read_plan(folder.plan_file))
@@ -57,8 +57,10 @@ def _cm_s(speed_m_s: float | None) -> str:
     return "unknown" if speed_m_s is None else f"{speed_m_s * 100.0:.2f}"
 
 
-def _read(path: Path, campaign: Path) -> dict[str, Any]:
-    content = read_json(path, remedy=f"; make it with: discover {campaign} --json {path}")
+def _read(path: Path, campaign: CampaignFolder) -> dict[str, Any]:
+    make = f"; make it with: trackway discover {campaign.path} --json {path}"
+    none = f", and no {campaign.truth}: is it a campaign of the virtual lab?"
+    content = read_json(path, remedy=make if campaign.truth.exists() else none)
     if not isinstance(content, dict) or content.get("schema") not in SCHEMAS:
         raise InputError(f"{path}: not a discovery of schema {' or '.join(SCHEMAS)}")
     if not content.get("steps"):

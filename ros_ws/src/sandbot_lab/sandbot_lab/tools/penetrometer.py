@@ -20,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="penetrometer", description=__doc__)
-    parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (default: the null world)")
+    parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (default: nothing is hidden)")
     parser.add_argument("--phi", type=float, nargs="+", required=True, help="volume fractions to prepare")
     parser.add_argument(
         "--depth-m", type=float, nargs="+", metavar="M", help="depths to read at (default: 0.015 0.025 0.035 0.044)"

@@ -93,6 +93,11 @@ class Cells:
         return "error bars" if self.error_bars else "replicates"
 
     @property
+    def scatter(self) -> str:
+        """What a misfit is compared with, in words."""
+        return "the error bars" if self.error_bars else "the scatter of replicates"
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Which penetrometer readings are not used, one sentence each."""
         return self.pressed.notes if self.pressed else ()

@@ -31,7 +31,7 @@ def rival_calibration_error(search: EffectSearch, named: Fit) -> str:
         enough = [error for fit, error in scaled if _explains_as_much(search, fit, named)]
     if enough:
         return f"{in_words(*min(enough, key=_in_priors))} would explain as much"
-    return f"no {' and no '.join(READINGS[name] for name, *_ in free)} explains as much" if free else ""
+    return f"no error in the {' or the '.join(READINGS[name] for name, *_ in free)} explains as much" if free else ""
 
 
 def has_rival(search: EffectSearch, named: Fit) -> bool:
@@ -62,7 +62,7 @@ def sufficient_calibration_error(search: EffectSearch) -> str:
     free += _with_lift_scale(search, base, ALIKE)
     enough = [error for fit, error in free if leaves_nothing(fit, search.criteria)]
     far = [error for error in enough if _in_priors(error) > FAR_OFF]
-    return f"{in_words(*min(far, key=_in_priors))} would leave nothing to explain: check that first" if far else ""
+    return f"{in_words(*min(far, key=_in_priors))} would explain it all: check that first" if far else ""
 
 
 @once_per_search

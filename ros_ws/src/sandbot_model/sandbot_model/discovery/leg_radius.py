@@ -69,7 +69,7 @@ def instead_of_effects(search: EffectSearch, found: Judged) -> str:
         fit = search.fits[part]
         legs = _with_free_radius(search, fit, nuisances_for(fit, search.criteria, batch_sd))
         if legs and passes(legs.fit, search.criteria) and not (claimed and _fits_worse(legs.fit, found.named)):
-            much = f"explain as much as {either(claimed)}" if claimed else "would leave nothing to explain"
+            much = f"explain as much as {either(claimed)}" if claimed else "would explain it all"
             return f"{legs.in_words(search.cells.robot)} {much}: measure them"
     return ""
 

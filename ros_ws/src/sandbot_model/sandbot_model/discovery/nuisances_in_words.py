@@ -6,9 +6,9 @@ from sandbot_model.fitting.fit import Fit
 
 WORDS = {
     DRIFT: ("a drift of k", 1e2, "%"),
-    SPEED_SCALE: ("a speed scale off", 1e2, "%"),
-    LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
-    LIFT_SCALE: ("a scale of the lift off", 1e2, "%"),
+    SPEED_SCALE: ("a speed-scale error", 1e2, "%"),
+    LIFT_ZERO: ("a lift-zero error", 1e3, "mm"),
+    LIFT_SCALE: ("a lift-scale error", 1e2, "%"),
 }
 """Description, factor from SI, and unit of each nuisance."""
 SHOWS = 2.0
@@ -27,9 +27,9 @@ def significant(fit: Fit) -> list[str]:
 
 
 def in_words(name: str, value: float, stderr: float, sd: float) -> str:
-    """A nuisance and its prior in a reader's units: ``a lift zero off by 0.98 ± 0.05 mm (prior 0.6 mm)``."""
+    """A nuisance and its prior in a reader's units: ``a lift-zero error of 0.98 ± 0.05 mm (prior 0.6 mm)``."""
     what, scale, unit = WORDS[name]
-    return f"{what} by {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})"
+    return f"{what} of {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})"
 
 
 def confounded_drift(cells: Cells) -> str:

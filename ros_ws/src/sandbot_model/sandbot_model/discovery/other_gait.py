@@ -31,7 +31,7 @@ def tried_with_other_gaits(found: Discovery, trials: Trials, readings: Readings 
     ]
     if not changed:
         return found
-    return replace(found, verdict=found.verdict.with_remarks(*changed, "a column gait would settle that"))
+    return replace(found, verdict=found.verdict.with_remarks(*changed, "a gait column would settle this"))
 
 
 def _changes(found: Discovery, cells: Cells) -> Iterator[str]:

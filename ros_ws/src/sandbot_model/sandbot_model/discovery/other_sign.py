@@ -29,8 +29,8 @@ def refused_for_the_other_sign(search: EffectSearch, claim: Verdict, fits: Mappi
     (name,) = best.effects
     strength = next(key for key in best.parameters if key.startswith(f"{name}."))
     because = (
-        f"{' + '.join(claim.effects)} would leave nothing to explain, but only under another convention; "
-        f"{strength} = {best.parameters[strength].value:.3g}, of a sign that {name} can't have, does as well "
+        f"{' + '.join(claim.effects)} would explain these data, but only under another convention; "
+        f"{strength} = {best.parameters[strength].value:.3g}, of a sign that {name} can't have, fits as well "
         f"(ΔBIC {best.bic - claimed.bic:.0f})"
     )
     return Verdict("unexplained", (), (), because)

@@ -256,7 +256,7 @@ def _with_those_as_good(search: EffectSearch, verdict: Verdict, partial: Partial
     """The verdict, with the effects that do as well as the one it names."""
     leader = search.fits[verdict.effects]
     near = _as_good(_singles(search)[0], leader, search.criteria)
-    as_well = [f"{fit.effects[0]} with {doubtful_values(fit)} does as well" for fit in near]
+    as_well = [f"{fit.effects[0]} with {doubtful_values(fit)} fits as well" for fit in near]
     alternatives = (*verdict.alternatives, *(fit.effects for fit in near))
     return Verdict("partial", verdict.effects, alternatives, "; ".join((verdict.because, *as_well))), partial
 

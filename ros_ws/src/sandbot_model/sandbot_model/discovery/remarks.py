@@ -24,7 +24,7 @@ def told_from_others(search: EffectSearch, verdict: Verdict, others: Sequence[Fi
     if verdict.status == "identified":
         because.append(next_best(search.fits, search.fits[verdict.effects], others, search.criteria))
     if family:
-        because.append("standard errors cover its conventions that explain as much")
+        because.append("standard errors cover other forms of the formula that fit as well")
     return replace(verdict, because="; ".join(filter(None, because)))
 
 
@@ -74,7 +74,7 @@ def worthwhile(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTria
 
 def _mistaken(effect: Effect) -> str:
     """What no trial distinguishes from an effect, and the control experiment that does."""
-    control = f"; the control of {effect.identifier} tells ({effect.control})" if effect.control else ""
+    control = f"; a control experiment on {effect.identifier} decides ({effect.control})" if effect.control else ""
     return f"{effect.mistaken_for} would look the same{control}"
 
 

@@ -189,15 +189,15 @@ def _suggestion(fit: Fit, best: _FittedGuess, rival: _FittedGuess | None, criter
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
     enough = leaves_nothing(found, criteria)
-    left = "leave nothing to explain" if enough else "still leave something to explain"
+    remains = "is within" if enough else "exceeds"
     change = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}{scored(fit, found)}, "
     sentence = (
         f"{on_top}{_difference(best)}: the deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on "
         f"{found.goodness.dof} degrees of freedom, {change if np.isfinite(cv).all() else ''}and "
-        f"{fit.cells.pure_error_from} {left} (p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
+        f"what remains {remains} {fit.cells.scatter} (p = {found.lack_of_fit_p:.2g}){_allowances(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
-        sentence += f"; or else {_difference(rival)}, which fits as well"
+        sentence += f"; alternatively {_difference(rival)}, which fits as well"
     return SuggestedFormula(
         sentence=sentence,
         formula=guess.formula(),

@@ -59,7 +59,7 @@ def plainly_missed(fit: Fit) -> str:
 
 
 def _verdict(why: str) -> Verdict:
-    return Verdict("untested", (), (), f"{why} would do (next trials)")
+    return Verdict("untested", (), (), f"{why} would suffice (next trials)")
 
 
 def _missing_means(problem: Problem) -> int:
@@ -69,7 +69,7 @@ def _missing_means(problem: Problem) -> int:
 
 def _no_replicates(cells: Cells) -> str:
     if (cells.n > 1).any():
-        return "replicates agree to the last digit, as copies do or a computation without noise"
+        return "replicates agree to the last digit, as copies or a noise-free computation would"
     return f"no cell has replicates and {_no_error_bars(cells)}"
 
 

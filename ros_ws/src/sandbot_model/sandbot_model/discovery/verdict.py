@@ -202,11 +202,10 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 
 def _base_suffices(base: Fit) -> str:
     """That the base model shows no lack of fit, or too little to reject it, and at which implausible values."""
-    scatter = "the error bars" if base.cells.error_bars else "the scatter of replicates"
     by = (
-        f"no more than {scatter}"
+        f"no more than {base.cells.scatter}"
         if base.lack_of_fit_p >= USUAL_LEVEL
-        else f"more than {scatter}, too little to reject it"
+        else f"more than {base.cells.scatter}, too little to reject it"
     )
     only = only_with(base)
     return f"the {base.model.base} model misses the cell means by {by} {p_in_words(base)}" + (
@@ -245,25 +244,25 @@ def parts_of(names: Names, fits: Sets) -> list[Names]:
 
 def _because(base: Fit, best: Fit) -> str:
     return (
-        f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom and {best.cells.pure_error_from} "
-        f"leave nothing to explain {p_in_words(best)}"
+        f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom, and what remains is within "
+        f"{best.cells.scatter} {p_in_words(best)}"
     )
 
 
 def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> str:
     """One clause: the best other set of as many effects, those ``tried`` under other conventions included, and all that
-    can look the same; empty if there is none."""
+    fit about as well; empty if there is none."""
     ranked = _others_of_its_size(fits, best, tried)
     second = next(filter(sound, ranked), None)
     clauses = [f"the next best, {_in_full(second)}, has ΔBIC {second.bic - best.bic:.0f}"] if second else []
     if second and second.variants:
-        clauses.append(f"(selected from {CONVENTION_COUNT})")
+        clauses.append(f"(its form selected from {CONVENTION_COUNT})")
     if ranked and ranked[0] is not second:
         # Excluded for its parameters, not for its fit: the reader may judge them differently.
         but = f"but with {doubtful_parameters(ranked[0])[0]} at or beyond its bound"
         clauses.append(f"({_name(ranked[0].effects)} {ranked[0].bic - best.bic:.0f}, {but})")
     alike = ["it" if fit is second else _in_full(fit) for fit in look_alikes(fits, best, tried, criteria)]
-    same = f"{' and '.join(alike)} can look the same" if alike else ""
+    same = f"{' and '.join(alike)} {'fits' if len(alike) == 1 else 'fit'} about as well" if alike else ""
     return "; ".join(filter(None, (" ".join(clauses), same)))
 
 
@@ -290,14 +289,14 @@ def best_earned(fits: Sets, criteria: Criteria) -> Fit:
 def _not_the_best_fit(best: Fit, better: Fit) -> Verdict:
     """The refusal of a claim because a set that is not credible itself fits better."""
     why = (
-        f"{doubtful_parameters(better)[0]} is at or beyond its bound"
+        f"with {doubtful_parameters(better)[0]} at or beyond its bound"
         if doubtful_parameters(better)
-        else "not all of it earns its place"
+        else "not all of its effects gain enough"
     )
     how = "better still" if better.bic < best.bic - 1.0 else "as well"
     because = (
-        f"{_name(best.effects)} leaves {_nothing(best)}, but {_name(better.effects)} fits "
-        f"{how} (ΔBIC {better.bic - best.bic:.0f}), where {why}: neither is to be believed"
+        f"{_name(best.effects)} fits {_within_scatter(best)}, but {_name(better.effects)} fits "
+        f"{how} (ΔBIC {better.bic - best.bic:.0f}), though {why}, so neither is claimed"
     )
     return Verdict("unexplained", (), (), because)
 
@@ -309,7 +308,7 @@ def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
     enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
     if enough:
         would = min(enough, key=lambda fit: (len(fit.effects), fit.bic))
-        tried = f"{_name(would.effects)} would leave {_nothing(would)}, but "
+        tried = f"{_name(would.effects)} would fit {_within_scatter(would)}, but "
         tried += why_not_claimed(fits, would, criteria)
     else:
         tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
@@ -333,7 +332,7 @@ def _where_it_fails(fit: Fit) -> str:
 
 def refused_as_implausible(fit: Fit) -> Verdict:
     """The refusal of a set that shows no lack of fit, because a parameter is implausible."""
-    would = f"{_name(fit.effects)} would leave {_nothing(fit)}, but {only_with(fit)}"
+    would = f"{_name(fit.effects)} would fit {_within_scatter(fit)}, but {only_with(fit)}"
     return Verdict("unexplained", (), (), would)
 
 
@@ -381,8 +380,8 @@ def either(sets: Iterable[Names]) -> str:
     return " or ".join(map(" + ".join, sets))
 
 
-def _nothing(fit: Fit) -> str:
-    return f"{fit.cells.pure_error_from} nothing to explain {p_in_words(fit)}"
+def _within_scatter(fit: Fit) -> str:
+    return f"within {fit.cells.scatter} {p_in_words(fit)}"
 
 
 def p_in_words(fit: Fit) -> str:

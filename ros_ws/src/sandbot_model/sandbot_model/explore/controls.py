@@ -144,10 +144,8 @@ def _effects(floor_m_s: float) -> html.Fieldset:
     floor = f"; noise floor {text.cm_s(floor_m_s)}" if math.isfinite(floor_m_s) else ""
     return html.Fieldset(
         [
-            html.Legend(
-                "Effects by ΔBIC, of each alone on all that is measured, and the error of mean speed without → with "
-                f"each{floor}"
-            ),
+            html.Legend("Effects"),
+            html.P(f"Error of mean speed without → with each; sorted by ΔBIC{floor}", className="soft"),
             html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
             html.Div(
                 [
@@ -200,8 +198,14 @@ def _tabs() -> list[html.Div]:
         html.Div(
             [
                 dcc.RadioItems(views, "speed", id="view", inline=True, className="tabs"),
-                html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
-                html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
+                html.Nav(
+                    [
+                        html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
+                        html.A(
+                            "Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"
+                        ),
+                    ]
+                ),
             ],
             className="tab-row",
         ),

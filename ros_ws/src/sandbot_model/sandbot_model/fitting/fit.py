@@ -147,6 +147,7 @@ class Fit(Fitted):
         cells = self.cells
         rows = [
             {
+                "level_phi": self.level_phi[cells.level[cell]],
                 "phi": cells.phi[cell],
                 "omega_rad_s": cells.omega[cell],
                 "gait": cells.gait[cell],

@@ -49,5 +49,5 @@ def shown_in(found: Fingerprint) -> list[Observable]:
 def showing(found: Fingerprint, observable: Observable) -> str:
     """Size and condition of the effect's largest deviation in an observable."""
     errors, phi, omega = found.largest(observable)
-    where = f"{abs(errors):.0f} standard errors {'above' if errors > 0 else 'below'} it"
+    where = f"{abs(errors):.0f} standard errors {'above' if errors > 0 else 'below'} the model"
     return f"{observable.label}: {where} at φ {phi:g}, ω {omega:g} rad/s"

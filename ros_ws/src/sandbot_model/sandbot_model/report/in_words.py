@@ -70,19 +70,19 @@ def _what(found: Discovery) -> str:
         "ambiguous": f"{base} lacks something: {' or '.join(sets)} would explain these data",
         "partial": f"{base} lacks {' or '.join(sets)}, which explains most of what it misses, but not all",
         "unexplained": f"{base} is not confirmed, and nothing in the catalogue is claimed to explain what it misses",
-        "untested": f"whether {base} is right, these data can't tell",
+        "untested": f"these data can't tell whether {base} is right",
     }[found.verdict.status]
 
 
 def _how_sure(found: Discovery) -> str:
     return {
-        "adequate": f"{counted(len(found.unseen), 'effect')} may be there all the same, unseen in these data"
+        "adequate": f"{counted(len(found.unseen), 'effect')} may still be present without showing in these data"
         if found.unseen
         else "an effect of its usual strength would have shown",
         "identified": _next_to(found),
-        "ambiguous": "which of them it is, these data can't tell",
-        "partial": "the effect is not in doubt as far as it goes, but something else is missing, too",
-        "unexplained": "that holds for the effects that were tried; the true one may be another",
+        "ambiguous": "these data can't tell which",
+        "partial": "this effect is not in doubt, but something else is missing too",
+        "unexplained": "only the effects that were tried are ruled out; the true one may be another",
         "untested": "a good fit proves nothing here",
     }[found.verdict.status]
 
@@ -108,8 +108,8 @@ def _next(found: Discovery) -> str:
         return "next: try the formula given under What the catalogue does not explain"
     controls = (found.fit.model.catalogue[name].control for name in found.verdict.effects)
     if told := "; ".join(filter(None, controls)):
-        return f"to confirm it: {told}"
-    return "nothing is proposed to be measured next"
+        return f"to confirm it, {told}"
+    return "no further measurement is proposed"
 
 
 def no_trial(found: Discovery) -> str:

@@ -95,7 +95,7 @@ def _claim(step: Step, criteria: Criteria) -> str:
             "has another)"
         )
     source = fit.cells.pure_error_from
-    return f"{words}, where {criteria.claim:g} would do if the pure error were known exactly and not from {source}"
+    return f"{words} ({criteria.claim:g} would suffice if the pure error were known exactly instead of from {source})"
 
 
 def _robot(robot: Robot | None) -> str:

@@ -208,7 +208,8 @@ def failing(steps: tuple[Step, ...]) -> list[Section]:
             for f in fails[:MAX_FAILING_ROWS]
         ]  # fmt: skip
         more = f", the worst {MAX_FAILING_ROWS} shown" if len(fails) > MAX_FAILING_ROWS else ""
-        caption = f"{step.label}: {text.counted(len(fails), 'failing cell')}{more}. Residual: measured minus model."
+        count = f"{text.counted(len(fails), 'failing cell')}{more}. Residual: measured minus model"
+        caption = f"{step.label}: {count if fails else 'no failing cells'}."
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
     return [Section("failing", "Failing cells", tables=tuple(tables))] if tables else []

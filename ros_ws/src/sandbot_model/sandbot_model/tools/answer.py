@@ -74,7 +74,7 @@ def _explains(fit: Fit) -> str:
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
     if only := only_with(fit):
         return f"explains the data ({p}), but {only}"
-    return f"holds: {fit.cells.pure_error_from} leave nothing to explain ({p})"
+    return f"holds: its misfit is within {fit.cells.scatter} ({p})"
 
 
 def _fails(fit: Fit) -> str:
@@ -83,7 +83,7 @@ def _fails(fit: Fit) -> str:
     allowing = calibrated(fit, DEFAULT)
     if allowing is None:
         return fails
-    return f"{fails}; it holds {p_in_words(allowing)} if, as in discover, one allows for {in_words(allowing, DEFAULT)}"
+    return f"{fails}; allowing for {in_words(allowing, DEFAULT)}, as discover does, it holds {p_in_words(allowing)}"
 
 
 def _effect(name: str, fit: Fit) -> list[str]:

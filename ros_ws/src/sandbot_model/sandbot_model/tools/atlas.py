@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output
+from sandbot_common.terminal import WIDTH
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -58,9 +60,10 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
     with one_a_cpu().map() as draw_all:
         drawing = write(folder, material, args.width, args.formats, draw_all)
         shown = tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None)
-        lines = [f"{plate.number:4} {caption}" for plate, caption in shown]
-    print("\n".join(lines))
-    drawn = sum(" not drawn: " not in line for line in lines)
+        captions = {plate.number: caption for plate, caption in shown}
+    for number, caption in captions.items():
+        print(textwrap.fill(f"{number:4} {caption}", WIDTH, subsequent_indent=" " * 5))
+    drawn = sum(not caption.startswith("not drawn: ") for caption in captions.values())
     print(f"\natlas: {drawn} of {len(PLATES)} figures in {folder} ({', '.join(args.formats)}), with captions.json")
 
 

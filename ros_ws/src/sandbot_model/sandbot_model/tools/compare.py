@@ -41,12 +41,14 @@ def _compare(argv: Sequence[str]) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="one more step with a parameter held at a value; nothing is refitted: all else, and its error, as before",
+        help="add a step with this parameter held at VALUE; all others, and their errors, stay as fitted",
     )
     parser.add_argument(
         "--selection", type=Path, metavar="FILE.yaml", help="model, effects and held values as the explorer saved them"
     )
-    parser.add_argument("--bootstrap", type=int, metavar="N", help="standard errors from N draws of the trials, too")
+    parser.add_argument(
+        "--bootstrap", type=int, metavar="N", help="also standard errors from N bootstrap draws of the trials"
+    )
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
     args.typed = shlex.join(["trackway", "compare", *argv])

@@ -46,7 +46,7 @@ def _discover(argv: Sequence[str]) -> None:
         nargs="?",
         const=CAMPAIGNS,
         metavar="N",
-        help=f"judge N simulated campaigns of this design as well: the verdict's error rates (default: {CAMPAIGNS})",
+        help=f"also judge N simulated campaigns of this design, for the verdict's error rates (default: {CAMPAIGNS})",
     )
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sandbot_common import files
 from sandbot_common.crew import Processes
+from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
 from sandbot_common.typed import check_types
@@ -35,6 +36,7 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.parallel import Progress
 from sandbot_model.fitting.text import WIDTH
 from sandbot_model.physics.catalogue import catalogue
@@ -76,6 +78,27 @@ class Result:
     def fit(self) -> Fit:
         """The last step of the ladder."""
         return self.steps[-1]
+
+    def to_frame(self) -> "DataFrame":
+        """The ladder [SI], one row for each step: errors of mean speed, and the fit to all observables.
+
+        Raises InputError where pandas is not installed.
+        """
+        rows = [
+            {
+                "model": step.name,
+                "rmse_m_s": step.rmse_m_s,
+                "cv_rmse_m_s": step.cv_rmse_m_s,
+                "cv_cells": step.cross_validation.cells,
+                "deviance": step.deviance,
+                "dof": step.goodness.dof,
+                "bic": step.bic,
+                "lack_of_fit_p": step.lack_of_fit_p,
+                "cells_missed": cells_missed(step.fails),
+            }
+            for step in self.steps
+        ]
+        return data_frame(rows, "to_dict()").set_index("model")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: what the command writes with ``--json``."""
@@ -192,7 +215,10 @@ def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapp
     if model not in BASES:
         raise InputError(f"model: {model!r} is not one of {', '.join(BASES)}")
     files = [effects_from] if isinstance(effects_from, str | Path) else effects_from
-    return catalogue([Path(file) for file in files], formulas)
+    try:
+        return catalogue([Path(file) for file in files], formulas)
+    except InputError as error:
+        raise InputError(str(error).replace("--effect ", "formulas: ", 1)) from None
 
 
 def _trials(data: "Data", robot: str | Path | Robot | None) -> Trials:
@@ -212,7 +238,7 @@ def _read(data: "Data") -> Trials:
         return from_frame(data)
     several = isinstance(data, Sequence) and all(isinstance(part, str | Path) for part in data)
     if not (isinstance(data, str | Path) or several):
-        raise InputError(f"{type(data).__name__}; a path, several, a DataFrame or Trials is needed")
+        raise InputError(f"{type(data).__name__}; a path, several paths, a DataFrame or Trials is needed")
     return read(data)
 
 

@@ -19,8 +19,8 @@ from sandbot_model.physics.observables import CM, Observable
 
 WEIGHT = "weight: BIC weight of all sets tried that contain the effect, 1 if no set without it is likely"
 WITH_NUISANCES = (
-    "The last step is fitted with nuisances, errors that trials share (a zero of the lift that is off, a scale of "
-    "speed, a drift of k{}); {} without."
+    "The last step is fitted with nuisances: errors that trials share (in the zero of the lift and the scale of speed, "
+    "a drift of k{}). Without them: {}."
 )
 """Why one model may have two values of p and of the error out of sample."""
 
@@ -52,10 +52,8 @@ def ladder_of(discovery: Discovery) -> str:
     if discovery.fit.nuisances is None:
         return ladder(discovery.steps)
     beside = all(fit.nuisances is None for fit in discovery.fits)
-    scatter = ", what differs between batches or conditions" if batch_sd_of(discovery.fit) else ""
-    note = WITH_NUISANCES.format(
-        scatter, "compare, p in 'why' and single effects below are" if beside else "compare is"
-    )
+    scatter = ", differences between batches or conditions" if batch_sd_of(discovery.fit) else ""
+    note = WITH_NUISANCES.format(scatter, "compare, p in 'why' and the single effects below" if beside else "compare")
     return f"{ladder(discovery.steps)}\n{filled(note)}"
 
 

@@ -99,12 +99,14 @@ def _parser() -> cli.Parser:
     parser.add_argument(
         "--video-codec", choices=tuple(CODECS), help="of --images video (default: rawvideo); ffv1 is smaller and slower"
     )
-    parser.add_argument("--max-size", type=float, metavar="MIB", help="begin a new file after so much (never)")
-    parser.add_argument("--max-duration", type=float, metavar="S", help="begin a new file after so long (never)")
+    parser.add_argument("--max-size", type=float, metavar="MIB", help="begin a new file at this size (default: never)")
+    parser.add_argument(
+        "--max-duration", type=float, metavar="S", help="begin a new file after this time (default: never)"
+    )
     parser.add_argument(
         "--min-free", type=float, default=200.0, metavar="MIB", help="stop when less space is free (200)"
     )
-    parser.add_argument("--attach", nargs="+", default=[], type=Path, metavar="YAML", help="files the bag is to carry")
+    parser.add_argument("--attach", nargs="+", default=[], type=Path, metavar="YAML", help="files to store in the bag")
     parser.add_argument("--fresh", action="store_true", help="leave out latched messages from before the recording")
     parser.add_argument(
         "--end-with-stdin",

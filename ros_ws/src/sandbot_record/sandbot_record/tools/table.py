@@ -1,4 +1,4 @@
-"""table: bags to the trials table (trials.csv); exit code 1: bags that give no row were skipped."""
+"""table: make the trials table (trials.csv) from bags; exit code 1: bags that give no row were skipped."""
 
 import sys
 from collections.abc import Mapping, Sequence

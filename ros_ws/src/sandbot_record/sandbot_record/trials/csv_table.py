@@ -138,9 +138,11 @@ def _number(where: str, kind: Kind, cell: Cell, *, required: bool) -> float:
     if not math.isfinite(value):
         raise InputError(f"{where}: {text} is not a finite number; {instead}")
     if not kind.admits(value):
-        percent = "; divide percent by 100" if "%" in kind.factors and factor == 1.0 and 1 < value < 100 else ""
+        units = (name for unit, name in {"%": "percent", "cm/s": "cm/s"}.items() if unit in kind.factors)
+        remedy = next(units, "") if factor == 1.0 else ""
+        divided = f"; divide {remedy} by 100" if remedy and kind.admits(value / 100) else ""
         text += "" if factor == 1.0 else f" × {factor:.4g} = {value:.4g}"
-        raise InputError(f"{where}: {text} is out of range: {kind.needed} is needed{percent}")
+        raise InputError(f"{where}: {text} is out of range: {kind.needed} is needed{divided}")
     return value
 
 

@@ -19,6 +19,8 @@ from sandbot_record.trials.table import Row, Trials, check_ids, check_usable, fr
 
 BLOCK = re.compile(r"block\d+")
 """Names of the batches of a campaign."""
+NO_TABLES = (".yaml", ".json")
+"""What the project writes beside trials, and is given in their place by mistake."""
 
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
@@ -138,6 +140,8 @@ def _campaign_of(path: Path) -> Path:
 def _read_one(path: Path) -> Trials:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder{'; standard input is /dev/stdin' * (str(path) == '-')}")
+    if path.is_file() and path.suffix in NO_TABLES:
+        raise InputError(f"{path}: not trials; a campaign folder, bags or a trials CSV is needed")
     # A pipe, as in <(grep -v wet trials.csv), can only be a table.
     if path.is_fifo() or (path.is_file() and not is_bag(path)):
         return table_of(path)

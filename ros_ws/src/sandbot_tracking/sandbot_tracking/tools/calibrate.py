@@ -109,7 +109,7 @@ def _parser() -> cli.Parser:
     parser.add_argument("--pattern", type=int, nargs=2, help="inner corners of the board (default: 9 6)")
     parser.add_argument("--square", type=float, help="side of its squares [m] (default: 0.02)")
     parser.add_argument("--dictionary", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)")
-    parser.add_argument("--marker", type=float, help="their side as a fraction of the squares' (default: 0.75)")
+    parser.add_argument("--marker", type=float, help="side of these markers over that of the squares (default: 0.75)")
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml with the lens of that camera, which is kept")
     parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
     return parser

@@ -20,7 +20,7 @@ def command(argv: Sequence[str]) -> int:
     """The command line."""
     parser = cli.Parser("track_video", description=__doc__)
     parser.add_argument("dorsal", type=Path, help="video of the dorsal camera")
-    parser.add_argument("lateral", type=Path, nargs="?", help="video of the lateral camera, frame by frame in step")
+    parser.add_argument("lateral", type=Path, nargs="?", help="video of the lateral camera, with the same frames")
     parser.add_argument("--cameras", type=Path, required=True, help="YAML file of the calibrated cameras")
     parser.add_argument("--robot", type=Path, help="YAML file of the robot (default: SandBot)")
     parser.add_argument("--omega", type=float, help="leg frequency [rad/s]: gives the observables")

@@ -1,4 +1,4 @@
-"""Legs that land in the ground their predecessors disturbed."""
+"""Legs land in ground that earlier legs have disturbed."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Stress on a leg element depends on how it is tilted and where it goes."""
+"""Stress on a leg element depends on its tilt and on the direction in which it moves."""
 
 from functools import lru_cache
 

@@ -70,7 +70,7 @@ def step_over_radius(material: Material, width_mm: float) -> "tuple[Figure, str]
     panel.set_ylabel("step over leg radius s/R")
     panel.set_xticks(omegas, [f"{omega:g}" for omega in omegas])
     panel.set_ylim(bottom=0)
-    key(panel, "φ", columns=4, **ABOVE)
+    key(panel, "φ", columns=5, **ABOVE)
     caption = "Step length over leg radius, s/R = πv̄/(ωR), of every trial; lines join the means."
     return figure, f"{caption} {_last_steps(material)}"
 

@@ -86,7 +86,7 @@ def _families(panel: "Axes", material: Material, found: list[Forces], unit_n: fl
     low, high = min(float(given.min()), float(met.min())), max(float(given.max()), float(met.max()))
     panel.set_ylim(0.95 * low / unit_n, HEADROOM * high / unit_n)
     _name_lines(panel, omegas, np.array([at.needed_n[-1, shown][[0, -1]] for at in found]) / unit_n)
-    key(panel, "φ", columns=4, **ABOVE)
+    key(panel, "φ", columns=5, **ABOVE)
     return "" if one else f"; at {omegas[0]:g} rad/s solid, at {omegas[-1]:g} dashed"
 
 

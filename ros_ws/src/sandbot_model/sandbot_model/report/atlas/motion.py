@@ -1,6 +1,6 @@
 """Time series of two trials: leg angles with the clock signal (Li09 Fig. 1c), forward speed (Fig. 1d)."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 COLOURS = ("#b3261e", "#1f5fa8")
 """Red and blue as in the paper: closely and loosely packed."""
+LINES: tuple[dict[str, Any], ...] = ({"linewidth": 2.6, "alpha": 0.5}, {})
+"""The first broad and pale, the second thin: told apart also in grey, and where one covers the other."""
 PERIODS = 4
 TURN = 2 * np.pi
 
@@ -25,7 +27,7 @@ def angles(material: Material, width_mm: float) -> "tuple[Figure, str]":
     motions = _two_motions(material)
     figure, (panel,) = sheet(width_mm, 0.6 * width_mm)
     end = _end(motions)
-    for motion, colour, line in zip(motions, COLOURS, ({"linewidth": 2.6, "alpha": 0.5}, {}), strict=True):
+    for motion, colour, line in zip(motions, COLOURS, LINES, strict=True):
         shown = (motion.leg_time_s >= 0) & (motion.leg_time_s <= end)
         _turns(
             panel,
@@ -59,9 +61,10 @@ def speeds(material: Material, width_mm: float) -> "tuple[Figure, str]":
     motions = _two_motions(material)
     figure, (panel,) = sheet(width_mm, 0.6 * width_mm)
     end, summaries = _end(motions), []
-    for motion, colour in zip(motions, COLOURS, strict=True):
+    for motion, colour, line in zip(motions, COLOURS, LINES, strict=True):
         shown = (motion.time_s >= 0) & (motion.time_s <= end)
-        panel.plot(motion.time_s[shown], CM * motion.speed_m_s[shown], color=colour, label=f"φ {motion.phi:.3f}")
+        speed = CM * motion.speed_m_s[shown]
+        panel.plot(motion.time_s[shown], speed, color=colour, label=f"φ {motion.phi:.3f}", **line)
         settled = CM * motion.speed_m_s[shown & (motion.time_s > end / PERIODS)]
         mean, low, high = map(text.number, (np.nanmean(settled), *np.nanpercentile(settled, [5, 95])))
         summaries.append(f"{mean} cm/s (90 % of the time {low} to {high}) at φ {motion.phi:.3f}")

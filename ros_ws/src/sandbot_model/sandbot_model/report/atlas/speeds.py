@@ -37,7 +37,7 @@ def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 1e."""
     figure, (panel,) = sheet(width_mm, 0.85 * width_mm)
     omegas, _ = frequencies(material.cells)
-    phi_panel(panel, material, columns=5, **ABOVE)
+    phi_panel(panel, material, columns=7, **ABOVE)
     return figure, _phi_caption(material, omegas)
 
 
@@ -96,6 +96,7 @@ def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]"
     omega = np.array([0.0, 1.05 * material.cells.omega.max()])
     panel.plot(omega, CM * material.robot.leg_radius_m * omega / np.pi, **GHOST)
     _omega_axes(panel, material)
+    key(panel, "φ", loc="upper left")
     simple, full = (fit.parameters["delta_t_s"] for fit in fits)
     return figure, (
         f"The simple (dotted, Δt = {simple.value:.2f} s) and the full model (solid, Δt = {full.value:.2f} s), each "
