@@ -6,6 +6,7 @@ legs = bag.columns("/leg_states", "position", "velocity")
 for message in bag.messages(["/trial"]): message.decode()
 """
 
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -340,7 +341,8 @@ def is_bag(path: Path) -> bool:
     """Whether the path looks like a bag."""
     if path.is_file():
         return path.suffix in _STORAGE
-    return (path / metadata.NAME).is_file() or _of_one_bag(storage_files(path))
+    # Path.is_file would raise an error for a folder that may not be entered.
+    return os.path.isfile(path / metadata.NAME) or _of_one_bag(storage_files(path))
 
 
 def storage_files(folder: Path) -> list[Path]:

@@ -62,12 +62,16 @@ class Cache:
             return cls(folder)
 
     def key(self, bag: Path) -> str:
-        """The hash of a bag's content, computed only if its files have changed."""
-        state = file_state(bag)
+        """The hash of a bag's content, computed only if its files have changed; empty if they can't be read."""
         before, key = self.seen.get(bag.name, ("", ""))
-        if state != before:
-            key = content_hash(bag)
-            self.seen[bag.name], self.changed = (state, key), True
+        try:
+            state = file_state(bag)
+            if state != before:
+                key = content_hash(bag)
+                self.seen[bag.name], self.changed = (state, key), True
+        except OSError:  # no permission, or a disk that is gone
+            self.seen[bag.name], self.changed = ("", ""), True
+            return ""
         return key
 
     def trial_id(self, bag: Path) -> str:
