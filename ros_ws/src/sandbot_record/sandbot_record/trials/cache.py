@@ -23,7 +23,7 @@ from sandbot_record.trials.setting import Setting
 from sandbot_record.trials.table import COLUMNS, Row
 
 CACHE = ".table-cache.json"
-RECIPE = "12"
+RECIPE = "13"
 """Version of the way rows are measured; increment it on a change, to discard rows of earlier versions."""
 
 Measured = tuple[Row, Setting]
