@@ -4,7 +4,6 @@ world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angle
 """
 
 import dataclasses
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -272,9 +271,5 @@ def _drawn(
     values = EFFECTS[name].defaults()
     for key, (low, high) in strength.get(name, {}).items():
         # Three significant figures are easier to read when the file is unsealed.
-        values[key] = _three_figures(float(rng.uniform(low, high)))
+        values[key] = float(f"{rng.uniform(low, high):.3g}")
     return name, values
-
-
-def _three_figures(value: float) -> float:
-    return round(value, 2 - math.floor(math.log10(abs(value))))
