@@ -16,8 +16,9 @@ from rosbags.rosbag2 import Reader
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags import interfaces, mcap_scan, metadata
+from sandbot_record.bags.file_bytes import FileBytes
 from sandbot_record.bags.playback import Timeline
-from sandbot_record.bags.reader import Bag, mapped
+from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.recover import recover
 from sandbot_record.trials import from_bags as table
 
@@ -46,7 +47,7 @@ def opens_everywhere(bag: Path) -> list[int]:
 def chunks_of(file: Path) -> list[tuple[int, range]]:
     """Offset of each chunk and the joint states in it."""
     found, first = [], 0
-    for item in mcap_scan.scan(mapped(file)):
+    for item in mcap_scan.scan(FileBytes(file)):
         if isinstance(item, mcap_scan.Batch):
             found.append((item.offset, range(first, first + len(item.rows))))
             first += len(item.rows)

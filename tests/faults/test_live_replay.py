@@ -1,5 +1,6 @@
-"""A replay does not command a robot or a bed that is there, unless it is told to."""
+"""A replay does not command a robot or a bed that is there, unless it is told to, and ends with its bag."""
 
+import os
 import subprocess
 import sys
 
@@ -84,6 +85,23 @@ def test_a_replay_ends_where_a_trackway_is_switched_on(tmp_path, beside):
         assert playing.returncode == 2
         assert said.count("\n") == 1
         assert "the trackway is live (/bed/height is published)" in said
+
+
+def test_a_bag_that_is_truncated_while_it_is_replayed_is_one_line(tmp_path, beside):
+    bag, heard = tmp_path / "b", []
+    with BagWriter(bag, chunk_size=10_000) as writer:
+        for index in range(20_000):
+            writer.write(topics.LIFT, to_cdr(messages.float64(0.0)), 1_000_000_000 + index * 5_000_000)
+    endpoints.subscription(beside.node, topics.LIFT, heard.append)
+    playing = subprocess.Popen(command(bag, delay_s=0.5), stderr=subprocess.PIPE, text=True)
+    with ending(playing):
+        beside.until(lambda: len(heard) > 50)
+        assert playing.poll() is None
+        os.truncate(bag / "b_0.mcap", 1000)
+        _, said = playing.communicate(timeout=60)
+    assert playing.returncode == 2
+    assert said.count("\n") == 1
+    assert "b_0.mcap: was truncated from" in said
 
 
 def test_what_a_bag_says_of_a_clock_is_no_second_one(beside):

@@ -12,7 +12,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["numpy", "pyyaml"],
+    install_requires=["numpy", "numba", "pyyaml"],
     extras_require={
         "test": ["pytest", "hypothesis"],
         "frames": ["pandas"],

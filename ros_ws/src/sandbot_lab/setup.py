@@ -11,7 +11,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["sandbot_common", "sandbot_clock", "numpy", "numba", "opencv-python-headless", "pyyaml"],
+    install_requires=["sandbot_common", "sandbot_clock", "numpy", "opencv-python-headless", "pyyaml"],
     extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     maintainer="trackway maintainers",

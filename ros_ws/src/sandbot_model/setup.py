@@ -17,7 +17,6 @@ setup(
         "sandbot_record",
         "numpy",
         "scipy",
-        "numba",
         "pyyaml",
         "plotly",
         "jinja2",

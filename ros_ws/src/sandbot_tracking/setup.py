@@ -11,7 +11,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["sandbot_common", "numpy", "scipy", "numba", "opencv-python-headless", "pyyaml"],
+    install_requires=["sandbot_common", "numpy", "scipy", "opencv-python-headless", "pyyaml"],
     extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
     zip_safe=True,
     maintainer="trackway maintainers",

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 import rclpy
+from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 
 from sandbot_bed.nodes.bed_node import BedNode
@@ -78,6 +79,15 @@ def bed(beside):
     finally:
         process.terminate()
         assert process.wait(timeout=30) == 0
+
+
+def test_a_height_sensor_that_sends_best_effort_is_read(bed, beside):
+    beside.node.destroy_publisher(bed.height)
+    kind = messages.message_class(topics.BED_HEIGHT.type)
+    bed.height = beside.node.create_publisher(kind, topics.BED_HEIGHT.relative, qos_profile_sensor_data)
+    beside.until(bed.height.get_subscription_count)
+    beside.until(lambda: bed.prepare().success)
+    beside.until(lambda: bed.stages[-1] == "ready")
 
 
 def test_prepares_refuses_beside_moving_legs_and_aborts(bed):

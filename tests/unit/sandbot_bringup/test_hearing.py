@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
 from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.nodes.gate_node import Gate
@@ -16,12 +17,16 @@ from sandbot_common.health import CALIBRATION, PROCESS
 from sandbot_common.ros.endpoints import NAMELESS
 from sandbot_tracking.calibration import cameras_from_mapping, checksum
 
+TYPES = {topic.relative: topic.type for topic in topics.ALL}
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+
 
 class Node:
-    """Hears nothing by itself; ``publishers``: the names of the nodes that publish a topic, if it is not one."""
+    """Hears nothing by itself; ``publishers``: the names of the nodes that publish a topic, if it is not one;
+    ``offers``: how they do, if not as they should."""
 
     def __init__(self):
-        self.publishers = {}
+        self.publishers, self.offers = {}, {}
 
     def create_subscription(self, *_, **__):
         pass
@@ -30,7 +35,9 @@ class Node:
         return len(self.publishers.get(name, ["one"]))
 
     def get_publishers_info_by_topic(self, name):
-        return [SimpleNamespace(node_name=node, endpoint_gid=[0]) for node in self.publishers.get(name, ["one"])]
+        offers = {"topic_type": TYPES[name], "qos_profile": RELIABLE, **self.offers.get(name, {})}
+        names = self.publishers.get(name, ["one"])
+        return [SimpleNamespace(node_name=node, endpoint_gid=[0], **offers) for node in names]
 
 
 @pytest.fixture
@@ -55,6 +62,32 @@ def test_no_trial_begins_while_legs_say_that_they_move(hearing, node):
     tell_legs(hearing, 8.0)
     with pytest.raises(CampaignEnds, match=r"legs do not come to rest \(/leg_states\)"):
         gate.before_trial(None, None)
+
+
+@pytest.mark.parametrize(
+    ("topic", "offered", "said"),
+    [
+        (
+            topics.LEG_STATES,
+            {"topic_type": "std_msgs/msg/String"},
+            "as std_msgs/msg/String, not sensor_msgs/msg/JointState",
+        ),
+        (topics.LEG_SETPOINTS, {"qos_profile": qos_profile_sensor_data}, "best effort, not reliable"),
+        (topics.LEG_STATES, {"qos_profile": qos_profile_sensor_data}, ""),  # as drivers of sensors are wont to
+    ],
+)
+def test_what_a_stranger_publishes_in_vain_is_named_before_anything_moves(
+    hearing, node, tmp_path, topic, offered, said
+):
+    node.offers[topic.relative], node.publishers[topic.relative] = offered, ["rig"]
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    if not said:
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
+        return
+    with pytest.raises(CampaignEnds, match=f"rig publishes {topic.name} {said}; fix it"):
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
 
 
 @pytest.mark.parametrize(

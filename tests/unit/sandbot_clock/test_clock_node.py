@@ -9,6 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float32
 
 from sandbot_clock.clock_parameters import ClockParameters
 from sandbot_clock.nodes import clock_node
@@ -109,6 +111,41 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     answer = beside.call("/clock/start")
     assert not answer.success
     assert "air is on (/bed/blower is 0.4)" in answer.message
+
+
+def test_a_bed_and_a_robot_that_send_best_effort_are_heard(clock, beside):
+    node, setpoints = beside.node, []
+    endpoints.subscription(node, topics.LEG_SETPOINTS, setpoints.append)
+    kind = {topic: messages.message_class(topic.type) for topic in (topics.BED_BLOWER, topics.LEG_STATES)}
+    blower, legs = (node.create_publisher(kind[topic], topic.relative, qos_profile_sensor_data) for topic in kind)
+    zero, level = np.zeros(6), 0.5
+
+    def report():
+        blower.publish(messages.float64(level))
+        legs.publish(messages.joint_state(0, topics.LEGS, zero, zero, zero))
+
+    node.create_timer(0.02, report)
+    beside.until(lambda: blower.get_subscription_count() == legs.get_subscription_count() == 1)
+    beside.until(lambda: "air is on (/bed/blower is 0.5)" in beside.call("/clock/start").message)
+    level = 0.0
+    beside.until(lambda: beside.call("/clock/start").success)
+    # A robot that counts as silent would have stopped the clock after 0.25 s, a busy machine aside.
+    beside.until(lambda: len(setpoints) > 200 and any(setpoints[-1].velocity))
+    level = 0.5
+    beside.until(lambda: not any(setpoints[-1].velocity))
+
+
+def test_no_leg_moves_beside_a_bed_that_cannot_be_understood(clock, beside):
+    strange = beside.node.create_publisher(Float32, topics.BED_BLOWER.relative, 10)
+
+    def answer():
+        beside.call("/clock/stop")
+        return beside.call("/clock/start").message
+
+    said = "not known: beside publishes /bed/blower as std_msgs/msg/Float32, not std_msgs/msg/Float64"
+    beside.until(lambda: said in answer())
+    beside.node.destroy_publisher(strange)
+    beside.until(lambda: answer().startswith("running"))
 
 
 @pytest.fixture

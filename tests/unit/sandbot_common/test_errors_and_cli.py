@@ -44,6 +44,16 @@ def test_a_fault_of_ours_is_not_hidden():
         run(raising(FileNotFoundError(errno.ENOENT, "No such file", "report.css")), [])
 
 
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.ESTALE])
+def test_a_file_out_of_reach_is_one_line(capsys, number):
+    assert run(raising(OSError(number, os.strerror(number), "week/tri\nals")), []) == BAD_INPUT
+    err = capsys.readouterr().err
+    assert err.endswith(f": error: week/tri als: {os.strerror(number)}\n")
+    assert err.count("\n") == 1
+    with pytest.raises(OSError, match=os.strerror(number)):  # of no file that is known
+        run(raising(OSError(number, os.strerror(number))), [])
+
+
 def test_a_name_too_long_for_a_file_is_one_short_line(capsys):
     assert run(lambda _: int(Path("x" * 300).exists()), []) == BAD_INPUT
     err = capsys.readouterr().err

@@ -194,23 +194,29 @@ def test_what_came_before_the_cable_was_out_swallows_nothing(tmp_path, monkeypat
         os.close(file)
 
 
+ECHO = lines.encode("S", 1, 0.5)
+
+
 @pytest.mark.parametrize(
-    ("comes", "steady", "lack"),
+    ("comes", "reports", "lack"),
     [
-        (b"\x80\xfe\n" * 20, False, "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
-        (b"\xff" * 2000, True, "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
-        (b"", True, "no message for 0.05 s: is the device on?"),
-        (b"", False, ""),
-        (LINE, True, ""),
-        (b"noise\n" + LINE + b"noise\n", False, ""),
-        (lines.encode_block("C", 1, b"x" * 9000)[:-8000], False, ""),  # a frame that takes its time
+        (b"\x80\xfe\n" * 20, "", "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
+        (b"\xff" * 2000, "B", "only noise for 0.05 s: wrong baud rate, or a bad cable?"),
+        (b"", "B", "no message for 0.05 s: is the device on?"),
+        (ECHO, "B", "only 'S' messages for 0.05 s: another device's line, or an echo?"),
+        (ECHO + LINE, "B", ""),
+        (ECHO, "", ""),
+        (b"", "", ""),
+        (LINE, "B", ""),
+        (b"noise\n" + LINE + b"noise\n", "", ""),
+        (lines.encode_block("C", 1, b"x" * 9000)[:-8000], "", ""),  # a frame that takes its time
     ],
 )
-def test_a_line_without_a_message_is_an_error_until_one_comes(device, monkeypatch, comes, steady, lack):
-    limit_s = 0.05 if lack else 1.0 if steady else 0.2
+def test_a_line_without_a_message_is_an_error_until_one_comes(device, monkeypatch, comes, reports, lack):
+    limit_s = 0.05 if lack else 1.0 if reports else 0.2
     monkeypatch.setattr(port, "LACK_S", limit_s)
     logged = []
-    one = Port(device[1], 921600, lambda line, _: None, logged.append, steady=steady)
+    one = Port(device[1], 921600, lambda line, _: None, logged.append, reports=reports)
     until(lambda: one.opened)
     begun_s = time.monotonic()
     while time.monotonic() < begun_s + (20.0 if lack else 1.5 * limit_s) and not one.lack:

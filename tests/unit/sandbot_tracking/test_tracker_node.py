@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from rclpy.qos import qos_profile_sensor_data
 
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, topics
@@ -73,6 +74,15 @@ def test_a_tracker_tells_of_a_camera_whose_frames_it_cannot_use(tracker, beside)
     beside.until(lambda: says(2, 2, small))
     beside.until(lambda: says(1, 1, small))  # until the next trial begins
     assert tracker.poll() is None
+
+
+def test_a_robot_that_sends_best_effort_is_heard(tracker, beside):
+    for topic in (topics.LEG_STATES, topics.SYNC_LED):
+        kind, name = messages.message_class(topic.type), topic.relative
+        offered = beside.node.create_publisher(kind, name, qos_profile_sensor_data)
+        beside.until(offered.get_subscription_count)
+        beside.node.destroy_publisher(offered)
+        beside.until(endpoints.publisher(beside.node, topic).get_subscription_count)  # and one that is reliable
 
 
 def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):

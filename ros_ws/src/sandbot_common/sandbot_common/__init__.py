@@ -10,6 +10,7 @@ parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and RO
 files       reading text and JSON; atomic writing through a temporary file
 yaml_text   YAML; separated: tables of text, by any separator
 config      where the project's own configuration files are installed
+compiled    numba's njit, with its cache where there is room for one
 arrays      the kinds of array; data_frame: tables as pandas DataFrames
 robot       the robot in numbers (robot.yaml); legs: how its c-legs are mounted on their shafts
 accuracy    how well a trial is measured (cameras.yaml)

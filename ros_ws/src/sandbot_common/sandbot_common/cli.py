@@ -21,6 +21,11 @@ from sandbot_common.suggest import did_you_mean
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+OUT_OF_REACH = (
+    errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.EHOSTDOWN, errno.ENOTCONN, errno.ENODEV,
+    errno.ENXIO, errno.ELOOP, errno.ENAMETOOLONG,
+)  # fmt: skip
+"""Why a file can't be had that is no fault of ours: no permission, a disk or network that is lost, an unusable name."""
 SHORT = 30
 """Characters of either end of a name that is too long for a file."""
 
@@ -164,8 +169,8 @@ def output(text: str) -> Path:
 
 
 def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | None = None) -> int:
-    """Run ``command`` on the arguments and return the exit code; only InputError, a name too long for a file, and
-    Ctrl-C are caught."""
+    """Run ``command`` on the arguments and return the exit code; only InputError, a file that the system does not give,
+    and Ctrl-C are caught."""
     name = os.path.basename(sys.argv[0])
     speak_line_by_line()
     try:
@@ -179,15 +184,20 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
         print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
-        if error.errno != errno.ENAMETOOLONG:
+        if error.filename is None or error.errno not in OUT_OF_REACH:
             raise
-        # `Path.exists` raises this, although no such file can exist.
-        long = str(error.filename)
-        print(f"{name}: error: {long[:SHORT]}…{long[-SHORT:]}: {error.strerror}", file=sys.stderr)
+        # `Path.exists` raises these, too.
+        print(f"{name}: error: {_file_name(error)}: {error.strerror}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print(f"{name}: interrupted; what was finished is kept", file=sys.stderr)
         return INTERRUPTED
+
+
+def _file_name(error: OSError) -> str:
+    """The file that an error names, without the middle of one that is too long."""
+    text = " ".join(os.fsdecode(error.filename).splitlines())
+    return f"{text[:SHORT]}…{text[-SHORT:]}" if error.errno == errno.ENAMETOOLONG else text
 
 
 def _check_output_written() -> None:

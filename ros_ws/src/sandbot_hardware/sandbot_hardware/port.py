@@ -8,7 +8,7 @@ import termios
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import serial
 
@@ -24,8 +24,8 @@ _WAIT_S = 0.1
 
 class Port:
     """``heard(line, received_ns)`` is called for every message, in the port's thread, with its arrival on the monotonic
-    clock; ``log`` with a text at each change of ``trouble`` or ``lack``. ``steady``: whether the device reports all the
-    time, so that silence, too, is an error.
+    clock; ``log`` with a text at each change of ``trouble`` or ``lack``. ``reports``: the kind of message that the
+    device sends all the time, so that it is an error if none comes; empty if there is none.
     """
 
     def __init__(
@@ -35,10 +35,10 @@ class Port:
         heard: Callable[[Line, int], None],
         log: Callable[[str], object] = lambda _: None,
         *,
-        steady: bool = False,
+        reports: str = "",
     ) -> None:
         self._path, self._baud, self._heard, self._log = path, baud, heard, log
-        self._logged, self._steady = "", steady
+        self._logged, self._reports, self._other = "", reports, ""
         self._reader = Reader()
         self._device: serial.Serial | None = None
         self.trouble = f"{path}: not opened yet"
@@ -107,17 +107,21 @@ class Port:
             found = list(self._reader.feed(data))
             for line in found:
                 self._hear(line, received_ns)
-            self._judge(bool(data), bool(found), received_ns * 1e-9)
+            self._judge(bool(data), [line.kind for line in found], received_ns * 1e-9)
 
-    def _judge(self, came: bool, valid: bool, now_s: float) -> None:
+    def _judge(self, came: bool, kinds: Sequence[str], now_s: float) -> None:
         """Judge what was just read, in this thread: what a busy machine reads late has come all the same."""
-        heard = valid or self._reader.in_step if came else not self._steady
+        heard = self._reports in kinds if self._reports else not came or bool(kinds) or self._reader.in_step
+        self._other = "" if heard else next(iter(kinds), self._other)
         self._lacking_since_s = math.inf if heard else min(self._lacking_since_s, now_s)
         lack = ""
         if now_s - self._lacking_since_s >= LACK_S:
-            silent = f"no message for {LACK_S:g} s: is the device on?"
-            noise = f"only noise for {LACK_S:g} s: wrong baud rate, or a bad cable?"
-            lack = f"{self._path}: {silent if self._reader.in_step else noise}"
+            why = f"no message for {LACK_S:g} s: is the device on?"
+            if self._other:
+                why = f"only {self._other!r} messages for {LACK_S:g} s: another device's line, or an echo?"
+            elif not self._reader.in_step:
+                why = f"only noise for {LACK_S:g} s: wrong baud rate, or a bad cable?"
+            lack = f"{self._path}: {why}"
         if lack != self.lack:
             self.lack = lack
             self._log(lack or f"{self._path}: messages again")

@@ -5,15 +5,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
+from sandbot_common.compiled import compiled
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def jit(function: F) -> F:
     """Compile in nopython mode and cache the result on disk."""
-    compiled: F = numba.njit(cache=True)(function)
-    return compiled
+    found: F = compiled(function)
+    return found
 
 
 def fingerprint() -> str:

@@ -17,6 +17,7 @@ bags/             (knows nothing of trials)
   definitions     which channel of a file is which topic
   metadata        metadata.yaml (rosbag2 version 9)
   mcap_writer, mcap_scan   one .mcap file: written in chunks that survive a crash; read block by block
+  file_bytes      the bytes of a file; one that is lost meanwhile is an error
   foreign         bags of other storages and encodings, read through rosbags; translate: messages of other releases
 trials/
   read            read_trials: one table from a campaign folder, bags or CSV files

@@ -7,11 +7,11 @@ it. Old frames are forgotten, so a bed disturbed by feet is learnt again; until 
 
 from collections.abc import Iterable
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.arrays import Floats, Frame
+from sandbot_common.compiled import compiled
 
 Picture = NDArray[np.float32]
 
@@ -53,7 +53,7 @@ def background(frames: Iterable[Frame]) -> Picture:
     return bed.picture
 
 
-@numba.njit(cache=True)
+@compiled
 def _learn(frame, mean, counts, picture, xy, reach, top, bottom):  # type: ignore[no-untyped-def]
     hidden = np.empty(frame.shape[1], np.bool_)
     for row in range(top, bottom):

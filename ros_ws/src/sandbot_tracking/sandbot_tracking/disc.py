@@ -12,9 +12,9 @@ centroid with a soft threshold is used instead.
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 
-import numba
 import numpy as np
 
+from sandbot_common.compiled import compiled
 from sandbot_tracking.rim import BLUR_STEP_PX, BLURS, DIRECTIONS, REACH_PX, STEPS_A_PX
 
 LOW, HIGH = 0.25, 0.9
@@ -44,7 +44,7 @@ X, Y, VAR_X, VAR_Y, RADIUS, GREY_STEP, ELONGATION = range(7)
 LEVEL, CONTRAST = 0, 6
 
 
-@numba.njit(cache=True)
+@compiled
 def follow(frame, bed, table, places, radii, gates):
     """A row for each of places (n, 2) [px] with its radius and gate (n,) [px]. ``bed``: (0, 0) if unknown."""
     rows = np.empty((places.shape[0], 7))
@@ -53,7 +53,7 @@ def follow(frame, bed, table, places, radii, gates):
     return rows
 
 
-@numba.njit(cache=True)
+@compiled
 def _measure(frame, bed, table, x, y, radius, gate, row):
     height, width = frame.shape
     row[:] = np.nan
@@ -83,7 +83,7 @@ def _measure(frame, bed, table, x, y, radius, gate, row):
     _refine(frame, bed, table, cx, cy, radius, row)
 
 
-@numba.njit(cache=True)
+@compiled
 def _levels(frame, left, right, top, bottom, stride, radius):
     """Grey level of the disc and of the background: mean of the region's brightest pixels, and its median."""
     counts = np.zeros(256, np.int32)
@@ -96,7 +96,7 @@ def _levels(frame, left, right, top, bottom, stride, radius):
     return bright, _median(counts, total // 2)
 
 
-@numba.njit(cache=True)
+@compiled
 def _mean_of_top(counts, wanted):
     taken, total = 0, 0.0
     for level in range(255, -1, -1):
@@ -108,7 +108,7 @@ def _mean_of_top(counts, wanted):
     return total / taken
 
 
-@numba.njit(cache=True)
+@compiled
 def _median(counts, rank):
     seen = 0
     for level in range(256):
@@ -118,7 +118,7 @@ def _median(counts, rank):
     return 255.0
 
 
-@numba.njit(cache=True)
+@compiled
 def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bright):
     """Weighted centroid of pixels within ``within`` of (x0, y0) and the sum of weights."""
     base, scale = dark + LOW * (bright - dark), 1.0 / ((HIGH - LOW) * (bright - dark))
@@ -135,7 +135,7 @@ def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bri
     return sum_x / total, sum_y / total, total
 
 
-@numba.njit(cache=True)
+@compiled
 def _refine(frame, bed, table, cx, cy, radius, row):
     """The row of a disc whose centre is known to a fraction of a pixel."""
     brightest = _brightest(bed, cx, cy, radius + RING_PX)
@@ -156,13 +156,13 @@ def _refine(frame, bed, table, cx, cy, radius, row):
         _soft_centroid(frame, bed, ground, row)
 
 
-@numba.njit(cache=True)
+@compiled
 def _box(shape, cx, cy, reach):
     left, right = max(0, int(cx - reach)), min(shape[1], int(cx + reach) + 2)
     return left, right, max(0, int(cy - reach)), min(shape[0], int(cy + reach) + 2)
 
 
-@numba.njit(cache=True)
+@compiled
 def _brightest(bed, cx, cy, reach):
     """The bed's highest level under a disc and its ring; NaN if part of it is unknown."""
     left, right, top, bottom = _box(bed.shape, cx, cy, reach)
@@ -174,14 +174,14 @@ def _brightest(bed, cx, cy, reach):
     return brightest if np.isfinite(total) else np.nan
 
 
-@numba.njit(cache=True)
+@compiled
 def _chord(width, x, square):
     """Columns [first, last) within the root of ``square`` of x."""
     half = np.sqrt(max(square, 0.0))
     return max(0, int(x - half) + 1), min(width, int(x + half) + 1)
 
 
-@numba.njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _ground(frame, bed, cx, cy, radius):
     """Disc's grey level, noise variance, α, β, grain variance and its correlation between neighbours, contrast (or 0).
 
@@ -228,7 +228,7 @@ def _ground(frame, bed, cx, cy, radius):
     return level, noise, alpha, beta, grain, rho, level - v / n
 
 
-@numba.njit(cache=True)
+@compiled
 def _fitted(n, v, vv, b, bb, vb):
     """α, β and the residual sum of squares, from a ring's sums over its pixels v and the bed b.
 
@@ -249,7 +249,7 @@ def _fitted(n, v, vv, b, bb, vb):
     return alpha, beta, rest
 
 
-@numba.njit(cache=True)
+@compiled
 def _correlation_factor(rho, blur):
     """Factor by which correlation ρ between neighbours increases the effective variance of grain on a rim.
 
@@ -265,7 +265,7 @@ def _correlation_factor(rho, blur):
     return along * across
 
 
-@numba.njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _shape(frame, bed, ground, cx, cy, radius):
     """Centre, radius from the area (0: no disc), blur [px] from Σ c (1 - c) = 2 √π radius √(blur² + 1/12), and ratio of
     axes."""
@@ -305,7 +305,7 @@ def _shape(frame, bed, ground, cx, cy, radius):
     return cx + m_x, cy + m_y, seen, np.sqrt(max(thickness * thickness - 1.0 / 12.0, 0.0)), elongation
 
 
-@numba.njit(cache=True)
+@compiled
 def _soft_centroid(frame, bed, ground, row):
     """Write the soft centroid into the row, for patches without a disc's rim.
 
@@ -335,7 +335,7 @@ def _soft_centroid(frame, bed, ground, row):
     row[VAR_X], row[VAR_Y] = var_x / (total * total) + sampling, var_y / (total * total) + sampling
 
 
-@numba.njit(cache=True, fastmath=True)
+@compiled(fastmath=True)
 def _rim(frame, bed, table, ground, blur, row):
     """Gauss-Newton on the rim from the row's centre and radius; True, with the row updated, if the rim is a disc's.
 

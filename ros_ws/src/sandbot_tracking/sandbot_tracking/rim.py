@@ -11,9 +11,10 @@ inside the rim. It is tabulated over blur, 2 a b and d; a plain Gaussian edge in
 from functools import lru_cache
 from math import erf, exp, pi, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from sandbot_common.compiled import compiled
 
 BLUR_STEP_PX, BLURS = 0.1, 26
 DIRECTIONS = 9
@@ -27,7 +28,7 @@ def rim_table() -> NDArray[np.float32]:
     return np.asarray(_table(), dtype=np.float32)
 
 
-@numba.njit(cache=True)
+@compiled
 def _table():  # type: ignore[no-untyped-def]
     table = np.empty((BLURS, DIRECTIONS, 2 * REACH_PX * STEPS_A_PX + 1))
     for i in range(BLURS):
@@ -44,7 +45,7 @@ def _table():  # type: ignore[no-untyped-def]
     return table
 
 
-@numba.njit(cache=True)
+@compiled
 def _ramp(t, blur):  # type: ignore[no-untyped-def]
     """G: the Gaussian integrated twice."""
     below = 0.5 * (1.0 + erf(t / (blur * sqrt(2.0))))

@@ -2,14 +2,15 @@
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 
-import numba
 import numpy as np
+
+from sandbot_common.compiled import compiled
 
 SAMPLED = 4
 """Every how many rows and columns a pixel is sampled to estimate the level of the grains."""
 
 
-@numba.njit(cache=True)
+@compiled
 def patches(frame, step, tile, stride, min_area, max_area):
     """Patches (n, 3) of ``min_area`` to ``max_area`` px at least ``step`` above the grains: middle x, y and area [px].
 
@@ -35,7 +36,7 @@ def patches(frame, step, tile, stride, min_area, max_area):
     return answer
 
 
-@numba.njit(cache=True)
+@compiled
 def _levels(frame, step, tile):
     """The threshold of each tile."""
     height, width = frame.shape
@@ -55,7 +56,7 @@ def _levels(frame, step, tile):
     return levels
 
 
-@numba.njit(cache=True)
+@compiled
 def _fill(frame, seen, stack, row, column, level):
     """Middle and area of the bright pixels connected to (row, column); the area is infinite if the stack overflows."""
     height, width = frame.shape
@@ -77,11 +78,11 @@ def _fill(frame, seen, stack, row, column, level):
     return sum_x / area, sum_y / area, area
 
 
-@numba.njit(cache=True)
+@compiled
 def _bit(seen, row, column):
     return seen[row, column >> 3] & (1 << (column & 7)) != 0
 
 
-@numba.njit(cache=True)
+@compiled
 def _set(seen, row, column):
     seen[row, column >> 3] |= 1 << (column & 7)

@@ -13,12 +13,12 @@ from functools import partial
 from math import factorial
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from sandbot_common.arrays import Floats
+from sandbot_common.compiled import compiled
 from sandbot_common.errors import InputError
 from sandbot_tracking.speed import HARMONICS, harmonic_model
 
@@ -176,7 +176,7 @@ def _per_second(matrix: Floats, frame: float, both: bool = False) -> Floats:
     return matrix * scale[:, None] * (scale[None, :] if both else 1 / scale[None, :])
 
 
-@numba.njit(cache=True)
+@compiled
 def _rts(y, r, transition, noise, start, velocity):  # type: ignore[no-untyped-def]
     """Velocity, its variance (in units of the scale), concentrated log-likelihood, and the scale of all variances."""
     n, k = transition.shape[0], transition.shape[1]

@@ -10,11 +10,11 @@ Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is 
 
 from functools import lru_cache
 
-import numba
 import numpy as np
 from scipy.linalg import expm
 
 from sandbot_common.arrays import Floats
+from sandbot_common.compiled import compiled
 from sandbot_common.errors import InputError
 
 HARMONICS = 3
@@ -108,7 +108,7 @@ def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats
     return np.ascontiguousarray(transition), np.ascontiguousarray(transition @ block[:size, size:])
 
 
-@numba.njit(cache=True)
+@compiled
 def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: ignore[no-untyped-def]
     """One step of the bank, in place; returns mean and variance of v over the bank.
 

@@ -2,16 +2,16 @@
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 
-import numba
 import numpy as np
 
+from sandbot_common.compiled import compiled
 from sandbot_tracking.fold import MIN_NOISE, MIN_POINTS
 
 MARGIN = 0.85
 """Fraction of the widest window that is used, as a kink is detected late."""
 
 
-@numba.njit(cache=True)
+@compiled
 def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap):
     """Whether one of the decreasing ``widths`` fits; slope, level and their standard errors, of a line or a cubic.
 
@@ -31,7 +31,7 @@ def widest_fit(phase, value, deviation, noise, advance, centre, widths, max_gap)
     return found, best
 
 
-@numba.njit(cache=True)
+@compiled
 def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap):
     """A polynomial fit in [centre ± half], periodic in the step; False if residuals are not noise."""
     nothing = (0.0, 0.0, 0.0, 0.0)
@@ -57,21 +57,21 @@ def _fit(phase, value, deviation, noise, advance, centre, half, degree, max_gap)
     return True, (solution[1] / half, solution[0], slope_se, level_se)
 
 
-@numba.njit(cache=True)
+@compiled
 def _spread_out(u, least, max_gap):
     """Whether there are ``least`` distinct places, none farther than ``max_gap`` from the next."""
     gaps = np.diff(np.sort(u))
     return np.count_nonzero(gaps > 0.01) + 1 >= least and gaps.max() <= max_gap
 
 
-@numba.njit(cache=True)
+@compiled
 def _chi2_99(free):
     """99 % quantile of χ² (Wilson–Hilferty; within 1 % from 3 degrees of freedom on)."""
     part = 2.0 / (9.0 * free)
     return free * (1.0 - part + 2.3263 * np.sqrt(part)) ** 3
 
 
-@numba.njit(cache=True)
+@compiled
 def _runs(residual, u):
     """Whether residuals are systematic: the mean over some eighth of the window exceeds 3.5 standard errors."""
     count, total = np.zeros(8), np.zeros(8)

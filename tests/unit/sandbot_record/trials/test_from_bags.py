@@ -391,6 +391,58 @@ def test_a_table_brought_back_over_damaged_bags_stops_nothing(tmp_path, lost, ca
     assert report.trials.excluded == len(lost)
 
 
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_row_is_back_with_its_bag(tmp_path, others):
+    """As after a network's disk was away, with which all bags are."""
+    for number in range(1 + others):
+        name = f"t{number:04}"
+        bags.trial_bag(tmp_path / "trials" / name, plan=bags.PLAN | {"trial_id": name})
+    table.make(tmp_path)
+    file, away = tmp_path / "trials/t0000/t0000_0.mcap", tmp_path / "away"
+    file.rename(away)
+    assert table.make(tmp_path).trials.status[0] == table.UNREADABLE
+    assert table.make(tmp_path).trials.status[0] == table.UNREADABLE
+    away.rename(file)
+    assert list(table.make(tmp_path).trials.status) == ["ok"] * (1 + others)
+
+
+@pytest.mark.parametrize("what", ["hash", "bag"])
+def test_a_bag_that_may_not_be_read_is_skipped_and_not_the_campaign(tmp_path, monkeypatch, what):
+    for name in ("a", "b"):
+        bags.trial_bag(tmp_path / "trials" / name, plan=bags.PLAN | {"trial_id": name})
+
+    def denying(real):
+        def read(path):
+            if path.name == "b":
+                raise PermissionError(13, "Permission denied", str(path / "metadata.yaml"))
+            return real(path)
+
+        return read
+
+    with monkeypatch.context() as patch:
+        if what == "hash":
+            patch.setattr(cache, "content_hash", denying(cache.content_hash))
+        patch.setattr(table, "_measured", denying(table._measured))
+        report = table.make(tmp_path)
+        assert list(report.trials.trial_id) == ["a"]
+        (why,) = report.skipped.values()
+        assert why == f"{tmp_path / 'trials/b/metadata.yaml'}: Permission denied"
+    assert list(table.make(tmp_path).trials.trial_id) == ["a", "b"]
+
+
+def test_what_could_not_be_hashed_is_of_no_row_that_is_kept(tmp_path, monkeypatch):
+    bags.trial_bag(tmp_path / "trials" / "a", plan=bags.PLAN | {"trial_id": "a"})
+
+    def lost(_):
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(cache, "content_hash", lost)
+        with pytest.raises(InputError, match="its files could not be read a moment ago"):
+            table.make(tmp_path)
+    assert list(table.make(tmp_path).trials.status) == ["ok"]
+
+
 def test_a_bag_copied_under_another_name_costs_no_other_trial_its_row(tmp_path):
     folder = campaign(tmp_path)
     first = table.make(folder).trials

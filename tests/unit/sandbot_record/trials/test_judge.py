@@ -121,6 +121,37 @@ def test_legs_that_do_not_follow(tmp_path, part, follows):
     assert said.startswith("robot: legs turned") is not follows
 
 
+@pytest.mark.parametrize(
+    ("legs", "stand_s", "said"),
+    [
+        ([2], (0.0, 9.0), "robot: rear_left turned 0.0 rad of a turn commanded from t = 0.00 s on"),  # a dead motor
+        (range(6), (3.0, 9.0), "robot: front_left turned 3.1 rad of a turn commanded from t = 2.61 s on"),  # a reset
+        (range(6), (2.0, 2.5), "robot: front_left turned 3.1 rad of a turn commanded from t = 1.61 s on"),
+        (range(6), (2.0, 2.3), "ok"),  # weak motors for a moment
+        ([], (0.0, 9.0), "ok"),
+    ],
+)
+def test_a_leg_that_stands_and_legs_that_stand_for_a_while(tmp_path, legs, stand_s, said):
+    states = []
+    for _, t_s, told in setpoints():
+        standing_s = min(max(t_s - stand_s[0], 0.0), stand_s[1] - stand_s[0])
+        angles = np.array(told.position)
+        angles[list(legs)] -= bags.OMEGA * standing_s
+        order = [3, 1, 2, 0, 4, 5]  # as another maker's driver may report them
+        names, rates = [topics.LEGS[leg] for leg in order], np.array(told.velocity)
+        stamp = messages.nanoseconds(told.header.stamp)
+        states.append((topics.LEG_STATES, t_s, messages.joint_state(stamp, names, angles[order], rates, np.zeros(6))))
+    assert status(tmp_path, without=(topics.LEG_STATES.name,), more=setpoints() + states) == said
+
+
+def test_legs_without_names_are_judged_together(tmp_path):
+    nameless = []
+    for _, t_s, told in setpoints():
+        told.name = []
+        nameless += [(topic, t_s, told) for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)]
+    assert status(tmp_path, without=(topics.LEG_STATES.name,), more=nameless) == "ok"
+
+
 def test_the_bed_must_stay_as_it_was_prepared(tmp_path):
     assert status(tmp_path, more=setpoints() + heights(0.1, 0.099)) == "bed: φ drifted by +0.0063 during the trial"
     air = [(topics.BED_BLOWER, 1.0, messages.float64(0.3))]

@@ -46,7 +46,7 @@ class TopicHardware:
     def __init__(self, ros: Node) -> None:
         self._height_m, self._heard_s = math.nan, -math.inf
         self._blower = endpoints.publisher(ros, topics.BED_BLOWER)
-        endpoints.subscription(ros, topics.BED_HEIGHT, self._on_height)
+        endpoints.subscription(ros, topics.BED_HEIGHT, self._on_height, best_effort=True)  # as sensors' drivers send
 
     def set_blower(self, level: float) -> None:
         """Publish /bed/blower."""

@@ -16,6 +16,7 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
 from sandbot_common.health import CALIBRATION
+from sandbot_common.ros import endpoints
 from sandbot_common.ros.endpoints import NAMELESS, names_of
 from sandbot_tracking.calibration import checksum, read_cameras
 
@@ -50,7 +51,8 @@ class Gate:
                 raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
         # The service is not enough: a preparation fails at once before the bed has received a height reading.
         if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
-            raise InputError(self._with_remedy(f"bed node has no reading on {topics.BED_HEIGHT.name}"))
+            unheard = endpoints.unheard(self._node, topics.BED_HEIGHT)
+            raise InputError(unheard or self._with_remedy(f"bed node has no reading on {topics.BED_HEIGHT.name}"))
         # The node that reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried
         # back. A publisher may be discovered before its node's name: guessing then could leave the seed unset.
         if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
@@ -78,6 +80,9 @@ class Gate:
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
+        for topic in (*topics.COMMANDS, *topics.MEASURED):
+            if unheard := endpoints.unheard(self._node, topic, reliable=topic in topics.COMMANDS):
+                raise CampaignEnds(f"{unheard}; fix it, then start the campaign again to go on")
         rivals = self._hearing.rivals
         if not self._wait(lambda: not rivals.fault(), FORGOTTEN_S):
             raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")

@@ -82,9 +82,10 @@ class Hearing:
         self._rendered: set[str] = set()
         """Views of the virtual lab, which renders frames when it has time; if it dies, so does the robot."""
         self._recorder_pid = 0
+        # Continuous data: a reliable reader would receive nothing until a lost message has been resent, and nothing at
+        # all from a driver that sends best effort.
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
-        subscription(node, topics.LEG_STATES, self._on_legs)
-        # Continuous data: a reliable reader would receive nothing until a lost message has been resent.
+        subscription(node, topics.LEG_STATES, self._on_legs, best_effort=True)
         subscription(node, topics.BED_STATUS, self._on_bed, best_effort=True)
         subscription(node, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
         subscription(node, topics.SPEED, self._on_speed)

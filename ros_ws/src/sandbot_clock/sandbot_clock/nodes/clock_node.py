@@ -58,8 +58,9 @@ class ClockNode(Node):
         self._robot_used = read_robot(file) if file else SANDBOT
         self._health = ros_health.Health(self, self._figures, sole=True)
         self._setpoints = endpoints.publisher(self, topics.LEG_SETPOINTS)
-        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower)
-        endpoints.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
+        # Best effort matches any driver, and in continuous data a reliable reader would wait for what was lost.
+        endpoints.subscription(self, topics.BED_BLOWER, self._on_blower, best_effort=True)
+        endpoints.subscription(self, topics.LEG_STATES, self._on_states, raw=True, best_effort=True)
         endpoints.subscription(self, topics.TRIAL, self._on_trial)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._command = Command(self, self._settings.current.lease_s, LEGS)
@@ -115,6 +116,8 @@ class ClockNode(Node):
             return "the clock is running already"
         if self._air_on:
             return f"the bed's air is on (/bed/blower is {self._blower:g}); legs move only when it is 0"
+        if unheard := endpoints.unheard(self, topics.BED_BLOWER):
+            return f"whether the bed's air is on is not known: {unheard}"
         if rivals := self._rivals.fault():
             return f"{rivals}; one commander at a time"
         return self._command.begin(wanted.lease_s)

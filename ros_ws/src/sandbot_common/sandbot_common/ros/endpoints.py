@@ -56,6 +56,18 @@ def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
     return [endpoint.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for endpoint in found]
 
 
+def unheard(node: Node, topic: topics.Topic, *, reliable: bool = False) -> str:
+    """Why a publisher of a topic is not received, e.g. "rig publishes /bed/blower as std_msgs/msg/Float32, not
+    std_msgs/msg/Float64"; empty if all are. ``reliable``: subscriptions to this topic are."""
+    for one in node.get_publishers_info_by_topic(topic.relative):
+        publishes = f"{one.node_name} publishes {topic.name}"
+        if one.topic_type != topic.type:
+            return f"{publishes} as {one.topic_type}, not {topic.type}"
+        if reliable and one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+            return f"{publishes} best effort, not reliable"
+    return ""
+
+
 def names_of(endpoints: Sequence[Any]) -> list[str]:
     """The names of the nodes behind publishers or subscriptions, each once."""
     return sorted({str(endpoint.node_name) for endpoint in endpoints})

@@ -41,7 +41,7 @@ class SerialBed(Node):
         self._height = endpoints.publisher(self, topics.BED_HEIGHT)
         endpoints.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._host_clock = HostClock()
-        self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning, steady=True)
+        self._port = Port(self._given.device, self._given.baud, self._heard, self.get_logger().warning, reports="H")
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:

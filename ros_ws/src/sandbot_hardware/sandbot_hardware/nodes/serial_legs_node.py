@@ -60,7 +60,7 @@ class SerialLegs(Node):
         self._led = endpoints.publisher(self, topics.SYNC_LED)
         endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
-        self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning, steady=True)
+        self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning, reports="L")
         Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:

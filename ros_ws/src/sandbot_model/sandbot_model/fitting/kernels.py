@@ -8,14 +8,14 @@
 
 import math
 
-import numba
 import numpy as np
 
+from sandbot_common.compiled import compiled
 from sandbot_model.physics import machine
 from sandbot_model.physics.averaging import REACHED
 from sandbot_model.physics.observables import Observable
 
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+_compiled = compiled(nogil=True, error_model="numpy")
 
 OBSERVABLES = len(Observable)
 LIFT, PEAK_SPEED, FIRST_STEP = int(Observable.lift), int(Observable.peak_speed), int(Observable.first_step)

@@ -41,7 +41,7 @@ class PredictorNode(Node):
         self._curve = endpoints.publisher(self, topics.MODEL_CURVE)
         endpoints.subscription(self, topics.TRIAL, self._on_trial)
         endpoints.subscription(self, topics.BED_PHI, self._on_phi)
-        endpoints.subscription(self, topics.LEG_STATES, self._on_legs)
+        endpoints.subscription(self, topics.LEG_STATES, self._on_legs, best_effort=True)
         endpoints.subscription(self, topics.SPEED_MEAN, self._on_speed)
         self._health = ros_health.Health(self, self._figures)
 

@@ -9,8 +9,9 @@ once, outside the loop over it.
 
 import math
 
-import numba
 import numpy as np
+
+from sandbot_common.compiled import compiled
 
 UNARY = (
     *("negative", "absolute", "sign", "floor", "sqrt", "exp", "log", "log10", "sin", "cos", "tan"),
@@ -35,7 +36,7 @@ EACH, ONCE, BROADCAST = range(3)
 BLOCK = 256
 """Points of a block, so few that their registers stay in the processor's cache."""
 
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+_compiled = compiled(nogil=True, error_model="numpy")
 
 
 @_compiled

@@ -21,6 +21,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from numpy.typing import NDArray
 
+from sandbot_record.bags.file_bytes import FileBytes
+
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 768 << 20
 """Largest uncompressed size of a chunk [bytes]: a larger figure is damage (and would exhaust the memory). A chunk ends
@@ -29,6 +31,7 @@ _RUN = 32 << 20
 """Largest run of unchunked messages that is read at once [bytes]."""
 
 Definition: TypeAlias = Schema | Channel
+Data: TypeAlias = bytes | memoryview | FileBytes
 _PARSED = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -51,6 +54,10 @@ _CHUNK_HEAD = re.compile(
     rb"\x06.{5}\x00\x00\x00.{28}(?:\x00\x00\x00\x00|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd).{5}\x00\x00\x00",
     re.DOTALL,
 )
+_CHUNK_HEAD_BYTES = 53
+"""The longest match."""
+_SEARCHED = 64 << 10
+"""Bytes in which a chunk is looked for at once."""
 
 
 @dataclass(frozen=True)
@@ -105,12 +112,12 @@ class End:
 Item: TypeAlias = Header | Schema | Channel | Metadata | Attachment | Batch | Damage | End
 
 
-def is_mcap(data: bytes | memoryview) -> bool:
+def is_mcap(data: Data) -> bool:
     """Whether the bytes begin as an MCAP file does."""
     return bytes(data[: len(MAGIC)]) == MAGIC
 
 
-def finished(data: memoryview) -> bool:
+def finished(data: Data) -> bool:
     """Whether the file ends in footer and magic bytes, as a properly closed file does."""
     if len(data) < len(MAGIC) + _FOOTER_BYTES + len(MAGIC) or bytes(data[-len(MAGIC) :]) != MAGIC:
         return False
@@ -118,18 +125,18 @@ def finished(data: memoryview) -> bool:
     return footer == struct.pack("<BQ", Opcode.FOOTER, 20)
 
 
-def _summary_records(data: memoryview) -> Iterator[tuple[int, int, int]] | None:
+def _summary_records(data: Data) -> Iterator[tuple[int, int, int]] | None:
     """The summary's records as ``_records`` gives them; None if there is no summary or its CRC is wrong."""
     if not finished(data):
         return None
     footer_at = len(data) - len(MAGIC) - _FOOTER_BYTES
-    start, _, crc = struct.unpack_from("<QQI", data, footer_at + 9)
+    start, _, crc = struct.unpack("<QQI", data[footer_at + 9 : footer_at + 29])
     if not 0 < start <= footer_at or (crc and zlib.crc32(data[start : footer_at + 25]) != crc):
         return None
     return _records(data, start, footer_at)
 
 
-def stated_count(data: memoryview) -> int | None:
+def stated_count(data: Data) -> int | None:
     """The message count in the summary; None if there is none, or the summary is damaged."""
     for opcode, at, length in _summary_records(data) or ():
         if opcode == Opcode.STATISTICS and length >= 8:
@@ -137,7 +144,7 @@ def stated_count(data: memoryview) -> int | None:
     return None
 
 
-def summary(data: memoryview) -> list[Definition] | None:
+def summary(data: Data) -> list[Definition] | None:
     """The summary's schemas and channels; None if there is no summary or its CRC is wrong."""
     records = _summary_records(data)
     if records is None:
@@ -152,7 +159,7 @@ def summary(data: memoryview) -> list[Definition] | None:
     return found
 
 
-def scan(data: memoryview) -> Iterator[Item]:
+def scan(data: Data) -> Iterator[Item]:
     """Everything in the data section, in file order, with a Damage for each part that is not usable."""
     at, size = len(MAGIC), len(data)
     if not is_mcap(data):
@@ -173,7 +180,7 @@ def scan(data: memoryview) -> Iterator[Item]:
         end = at + 9 + length
         if opcode == Opcode.MESSAGE:
             end = _end_of_messages(data, at)
-            yield from _batch(data, at, end, at)
+            yield from _batch(data[at:end], at)
         elif opcode == Opcode.CHUNK:
             for item in _chunk(data, at, end):
                 if isinstance(item, Damage):
@@ -187,17 +194,17 @@ def scan(data: memoryview) -> Iterator[Item]:
         at = end
 
 
-def batch_at(data: memoryview, offset: int) -> Batch:
-    """Read again the batch that ``scan`` found at this offset."""
+def batch_at(data: Data, offset: int) -> Batch | None:
+    """Read again the batch that ``scan`` found at this offset; None if it has been overwritten meanwhile."""
     if data[offset] == Opcode.CHUNK:
         end = offset + 9 + (_length(data, offset) or 0)
         found = _chunk(data, offset, end)
     else:
-        found = _batch(data, offset, _end_of_messages(data, offset), offset)
-    return next(item for item in found if isinstance(item, Batch))
+        found = _batch(data[offset : _end_of_messages(data, offset)], offset)
+    return next((item for item in found if isinstance(item, Batch)), None)
 
 
-def _length(data: memoryview, at: int) -> int | None:
+def _length(data: Data, at: int) -> int | None:
     """Length of the record at ``at``; None if it does not fit into the file."""
     if at + 9 > len(data):
         return None
@@ -205,7 +212,7 @@ def _length(data: memoryview, at: int) -> int | None:
     return length if at + 9 + length <= len(data) else None
 
 
-def _lost_by_index(data: memoryview, at: int) -> tuple[Lost, ...]:
+def _lost_by_index(data: Data, at: int) -> tuple[Lost, ...]:
     """The messages of the damaged chunk before ``at``, according to the message indexes that begin there."""
     lost = []
     for opcode, start, length in _records(data, at, len(data)):
@@ -217,35 +224,36 @@ def _lost_by_index(data: memoryview, at: int) -> tuple[Lost, ...]:
     return tuple(lost)
 
 
-def _plausible(data: memoryview, at: int) -> bool:
+def _plausible(data: Data, at: int) -> bool:
     return at == len(data) or (_length(data, at) is not None and Opcode.HEADER <= data[at] <= Opcode.DATA_END)
 
 
-def _next_chunk(data: memoryview, at: int) -> int:
+def _next_chunk(data: Data, at: int) -> int:
     """The next offset from ``at`` on of a chunk whose lengths are consistent; the file's end if there is none."""
-    for match in _CHUNK_HEAD.finditer(data, at):
-        start = match.start()
-        length = _length(data, start)
-        if length is not None and _chunk_body(data, start, start + 9 + length) is not None:
-            return start
+    for begin in range(at, len(data), _SEARCHED):
+        for match in _CHUNK_HEAD.finditer(data[begin : begin + _SEARCHED + _CHUNK_HEAD_BYTES]):
+            start = begin + match.start()
+            length = _length(data, start)
+            if length is not None and _chunk_body(data, start, start + 9 + length) is not None:
+                return start
     return len(data)
 
 
-def _chunk_body(data: memoryview, at: int, end: int) -> tuple[int, int, str, int] | None:
+def _chunk_body(data: Data, at: int, end: int) -> tuple[int, int, str, int] | None:
     """Uncompressed size, CRC, compression and offset of the compressed bytes; None if the lengths are inconsistent."""
     if end - at < 9 + 40:
         return None
-    size, crc, name_length = struct.unpack_from("<QII", data, at + 25)
+    size, crc, name_length = struct.unpack("<QII", data[at + 25 : at + 41])
     if name_length > 4 or at + 49 + name_length > end:
         return None
     name = bytes(data[at + 41 : at + 41 + name_length])
-    (data_size,) = struct.unpack_from("<Q", data, at + 41 + name_length)
+    (data_size,) = struct.unpack("<Q", data[at + 41 + name_length : at + 49 + name_length])
     if at + 49 + name_length + data_size != end or name not in (b"", b"lz4", b"zstd"):
         return None
     return size, crc, name.decode(), at + 49 + name_length
 
 
-def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
+def _chunk(data: Data, at: int, end: int) -> Iterator[Batch | Damage]:
     body = _chunk_body(data, at, end)
     if body is None:
         yield Damage(at, end, "chunk header disagrees with itself")
@@ -259,12 +267,12 @@ def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
     else:
         batch = _by_index(content, data, end, at) if crc else None
         if batch is None:
-            yield from _batch(content, 0, len(content), at, checked=bool(crc))
+            yield from _batch(content, at, checked=bool(crc))
         else:
             yield batch
 
 
-def _by_index(content: bytes | memoryview, data: memoryview, at: int, offset: int) -> Batch | None:
+def _by_index(content: bytes | memoryview, data: Data, at: int, offset: int) -> Batch | None:
     """The batch of a chunk whose CRC is right, from the message indexes at ``at``, without a loop over messages.
 
     None if the indexed messages do not fill the chunk without a gap: then the chunk must be parsed record by record.
@@ -294,7 +302,7 @@ def _headers(data: bytes | memoryview, starts: NDArray[np.int64]) -> NDArray[np.
     return rows
 
 
-def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
+def _decompressed(data: bytes | memoryview, compression: str, size: int) -> bytes | memoryview | None:
     """The chunk's content, exactly ``size`` bytes; None if it can't be decompressed to that."""
     if compression and size > CHUNK_LIMIT:
         return None
@@ -312,11 +320,11 @@ def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memo
     return content if len(content) == size else None
 
 
-def _records(data: bytes | memoryview, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+def _records(data: Data, at: int, end: int) -> Iterator[tuple[int, int, int]]:
     """(opcode, offset of the content, length) of each record in [at, end); stops at one that does not fit."""
-    unpack = struct.Struct("<BQ").unpack_from
+    unpack = struct.Struct("<BQ").unpack
     while at + 9 <= end:
-        opcode, length = unpack(data, at)
+        opcode, length = unpack(data[at : at + 9])
         at += 9
         if at + length > end:
             return
@@ -324,7 +332,7 @@ def _records(data: bytes | memoryview, at: int, end: int) -> Iterator[tuple[int,
         at += length
 
 
-def _end_of_messages(data: memoryview, at: int) -> int:
+def _end_of_messages(data: Data, at: int) -> int:
     """End of the run of message records (and of definitions between them) that begins at ``at``."""
     end = first = at
     for opcode, start, length in _records(data, at, len(data)):
@@ -334,14 +342,12 @@ def _end_of_messages(data: memoryview, at: int) -> int:
     return end
 
 
-def _batch(
-    data: bytes | memoryview, at: int, end: int, offset: int, *, checked: bool = False
-) -> Iterator[Batch | Damage]:
-    """The messages in data[at:end]; Damage if the records do not fill it."""
+def _batch(data: bytes | memoryview, offset: int, *, checked: bool = False) -> Iterator[Batch | Damage]:
+    """The messages in ``data``, which begin at ``offset`` of the file; Damage if the records do not fill it."""
     starts: list[int] = []
     definitions: list[Definition] = []
-    last = at
-    for opcode, start, length in _records(data, at, end):
+    last = 0
+    for opcode, start, length in _records(data, 0, len(data)):
         last = start + length
         if opcode == Opcode.MESSAGE and length >= 22:
             starts.append(start - 9)
@@ -352,8 +358,8 @@ def _batch(
     at_header = np.array(starts, dtype=np.int64)
     rows = _headers(data, at_header)
     yield Batch(offset, data, rows, at_header + MESSAGE.itemsize, rows["length"] - 22, tuple(definitions), checked)
-    if last != end:
-        yield Damage(offset, offset, f"{end - last} bytes of a block are not records")
+    if last != len(data):
+        yield Damage(offset, offset, f"{len(data) - last} bytes of a block are not records")
 
 
 def _parse(opcode: int, content: bytes | memoryview) -> Header | Schema | Channel | Metadata | Attachment | None:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from rosbags.interfaces import QosDurability
 
 from sandbot_common.errors import InputError
-from sandbot_record.bags import foreign, frames, mcap_scan, metadata, reader, video
+from sandbot_record.bags import foreign, frames, mcap_scan, metadata, video
+from sandbot_record.bags.file_bytes import FileBytes, FileLost
 from sandbot_record.bags.interfaces import Interface
 from sandbot_record.bags.mcap_scan import Batch
 from sandbot_record.bags.reader import Bag, Message
@@ -44,8 +45,9 @@ class Timeline:
         """The topics of JPEG messages that are played as raw images."""
         # What rosbags reads can't be fetched again block by block, so it stays in memory.
         self._kept: list[Batch] | None = [] if foreign.is_foreign(bag.files[0], bag.info) else None
-        self._files = [] if self._kept is not None else [reader.mapped(path) for path in bag.files]
-        self._blocks: list[tuple[int, int]] = []
+        self._files = [] if self._kept is not None else [FileBytes(path) for path in bag.files]
+        self._blocks: list[tuple[int, int, int]] = []
+        """File, offset and number of messages of each block."""
         times, blocks, rows, names = self._index(bag)
         if not len(times):
             raise InputError(
@@ -61,7 +63,7 @@ class Timeline:
         return len(self.times_ns)
 
     def __getitem__(self, index: int) -> Message:
-        """Message ``index``. Raises InputError for a frame that is missing from its video."""
+        """Message ``index``. Raises InputError for a frame that is missing from its video, FileLost if the bag is."""
         batch = self._load(int(self._block[index]))
         row = int(self._row[index])
         topic = self._shown[self._topic[index]]
@@ -90,8 +92,13 @@ class Timeline:
         return int(places[-1]) if places.size else None
 
     def _batch(self, block: int) -> Batch:
-        file, offset = self._blocks[block]
-        return self._kept[block] if self._kept is not None else mcap_scan.batch_at(self._files[file], offset)
+        if self._kept is not None:
+            return self._kept[block]
+        file, offset, count = self._blocks[block]
+        batch = mcap_scan.batch_at(self._files[file], offset)
+        if batch is None or len(batch.rows) != count:
+            raise FileLost(f"{self._files[file].path}: was overwritten at byte {offset} while it was read")
+        return batch
 
     def _index(self, bag: Bag) -> tuple[NDArray[np.int64], ...]:
         columns: list[list[NDArray[np.int64]]] = [[np.empty(0, np.int64)] for _ in range(4)]
@@ -109,7 +116,7 @@ class Timeline:
             block = np.full(len(rows), len(self._blocks), dtype=np.int64)
             for column, part in zip(columns, (batch.rows["log_time_ns"][rows], block, rows, topic), strict=True):
                 column.append(part.astype(np.int64))
-            self._blocks.append((file, batch.offset))
+            self._blocks.append((file, batch.offset, len(batch.rows)))
             if self._kept is not None:
                 self._kept.append(batch)
         return tuple(np.concatenate(column) for column in columns)
@@ -237,7 +244,8 @@ class Player:
     def step(self, now_ns: int) -> Message | None:
         """The next message if it is due by ``now_ns``; when looping, starts again after the last.
 
-        Raises InputError if the next message is a frame missing from its video; the following step skips it.
+        Raises InputError if the next message is a frame missing from its video; the following step skips it. Raises
+        FileLost if the bag can no longer be read.
         """
         if self.paused:
             return None

@@ -6,7 +6,7 @@ legs = bag.columns("/leg_states", "position", "velocity")
 for message in bag.messages(["/trial"]): message.decode()
 """
 
-import mmap
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.terminal import counted
 from sandbot_record.bags import columns, foreign, mcap_scan, metadata, video
 from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.file_bytes import FileBytes
 from sandbot_record.bags.interfaces import JAZZY, Interface
 from sandbot_record.bags.mcap_scan import Batch, Damage
 
@@ -159,7 +160,7 @@ class Bag:
         """The blocks with messages of a topic, and the rows of these; cached for a small bag."""
         if self._kept is None:
             found = ((batch, _rows(batch, definitions, topic)) for batch, definitions in self.batches())
-            return [(batch, rows) for batch, rows in found if len(rows)]
+            return [_alone(batch, rows) for batch, rows in found if len(rows)]
         if self._places is None:
             self._places = _by_topic(self.batches())
         return self._places.get(topic, [])
@@ -258,7 +259,7 @@ class Bag:
 
     def _check_complete(self) -> None:
         for path in self.files:
-            data = mapped(path)
+            data = FileBytes(path)
             if path.suffix == ".mcap" and not mcap_scan.finished(data):
                 self.complete = False
                 cut = mcap_scan.MAGIC.startswith(bytes(data[: len(mcap_scan.MAGIC)]))
@@ -277,7 +278,7 @@ class Bag:
             self.miscounts.append(f"metadata.yaml says {stated_in_all}, the files hold {self.count}")
         if not foreign.is_foreign(self.files[0], self.info):
             for file, number in found.items():
-                stated = mcap_scan.stated_count(mapped(self.files[file]))
+                stated = mcap_scan.stated_count(FileBytes(self.files[file]))
                 if stated not in (None, number):
                     name = self.files[file].name
                     self.miscounts.append(f"{name}: its summary says {counted(stated, 'message')}, it holds {number}")
@@ -340,7 +341,8 @@ def is_bag(path: Path) -> bool:
     """Whether the path looks like a bag."""
     if path.is_file():
         return path.suffix in _STORAGE
-    return (path / metadata.NAME).is_file() or _of_one_bag(storage_files(path))
+    # Path.is_file would raise an error for a folder that may not be entered.
+    return os.path.isfile(path / metadata.NAME) or _of_one_bag(storage_files(path))
 
 
 def storage_files(folder: Path) -> list[Path]:
@@ -372,19 +374,8 @@ def _later_splits(folder: Path, named: Sequence[Path], found: Sequence[Path], in
     return [file for file in found if file.suffix == ".mcap" and _split(file)[0] == name and _split(file)[1] > last]
 
 
-def mapped(path: Path) -> memoryview:
-    """The file's bytes, memory-mapped."""
-    try:
-        with path.open("rb") as file:
-            if path.stat().st_size == 0:
-                return memoryview(b"")
-            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-
-
 def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
-    data = mapped(path)
+    data = FileBytes(path)
     definitions = _initial_definitions(data, info)
     for item in mcap_scan.scan(data):
         if isinstance(item, Schema | Channel):
@@ -395,7 +386,7 @@ def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mca
         yield item, definitions
 
 
-def _initial_definitions(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
+def _initial_definitions(data: FileBytes, info: metadata.BagInfo | None) -> Definitions:
     """Definitions from the most trustworthy source: the summary (it has a CRC), else our metadata.yaml."""
     definitions = Definitions(_release(info))
     records = mcap_scan.summary(data) or []
@@ -429,6 +420,15 @@ def _rows(batch: Batch, definitions: Definitions, topic: str) -> NDArray[np.int6
     channels = batch.rows["channel"]
     # Nearly always one channel, and np.isin costs ten times as much as ==.
     return np.flatnonzero(channels == own[0] if len(own) == 1 else np.isin(channels, own))
+
+
+def _alone(batch: Batch, rows: NDArray[np.int64]) -> Part:
+    """A block of these rows only: the others of a large bag, such as frames, would fill the memory."""
+    length = batch.length[rows]
+    data = b"".join(batch.payload(row) for row in rows.tolist())
+    return replace(batch, data=data, rows=batch.rows[rows], at=np.cumsum(length) - length, length=length), np.arange(
+        len(rows)
+    )
 
 
 def _fields(parts: list[Part], interface: Interface, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:

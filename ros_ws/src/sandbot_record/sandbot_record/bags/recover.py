@@ -12,11 +12,12 @@ from sandbot_common.errors import InputError
 from sandbot_common.terminal import counted
 from sandbot_record.bags import mcap_scan
 from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.file_bytes import FileBytes
 from sandbot_record.bags.interfaces import CDR
 from sandbot_record.bags.mcap_scan import Batch, Damage
 from sandbot_record.bags.mcap_writer import ROS2
 from sandbot_record.bags.metadata import TopicInfo
-from sandbot_record.bags.reader import Bag, mapped
+from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.video import Transfer
 from sandbot_record.bags.writer import BagWriter
 
@@ -165,7 +166,7 @@ def _count_lost(damage: Damage, definitions: Definitions, result: Recovery, file
 
 def _note_cut(bag: Bag, result: Recovery) -> None:
     for path in bag.files:
-        if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
+        if path.suffix == ".mcap" and not mcap_scan.finished(FileBytes(path)):
             result.notes.append(f"{path.name}: what came after {_clock(bag.end_ns)} and was not flushed yet")
 
 

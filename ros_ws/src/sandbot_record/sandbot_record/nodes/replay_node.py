@@ -35,6 +35,7 @@ from sandbot_common.ros.node import run
 from sandbot_common.ros.ros_parameters import refuse_parameters
 from sandbot_common.ros.timer import Timer
 from sandbot_common.terminal import counted
+from sandbot_record.bags.file_bytes import FileLost
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
 from sandbot_record.bags.reader import Message
@@ -189,6 +190,8 @@ class Replay(Node):
     def _step(self, now: int) -> Message | None:
         try:
             return self._player.step(now)
+        except FileLost:
+            raise
         except InputError as error:
             self.missing += 1
             self.get_logger().warning(str(error), throttle_duration_sec=5.0)

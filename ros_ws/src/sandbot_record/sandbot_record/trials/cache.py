@@ -23,7 +23,7 @@ from sandbot_record.trials.setting import Setting
 from sandbot_record.trials.table import COLUMNS, Row
 
 CACHE = ".table-cache.json"
-RECIPE = "12"
+RECIPE = "13"
 """Version of the way rows are measured; increment it on a change, to discard rows of earlier versions."""
 
 Measured = tuple[Row, Setting]
@@ -62,12 +62,16 @@ class Cache:
             return cls(folder)
 
     def key(self, bag: Path) -> str:
-        """The hash of a bag's content, computed only if its files have changed."""
-        state = file_state(bag)
+        """The hash of a bag's content, computed only if its files have changed; empty if they can't be read."""
         before, key = self.seen.get(bag.name, ("", ""))
-        if state != before:
-            key = content_hash(bag)
-            self.seen[bag.name], self.changed = (state, key), True
+        try:
+            state = file_state(bag)
+            if state != before:
+                key = content_hash(bag)
+                self.seen[bag.name], self.changed = (state, key), True
+        except OSError:  # no permission, or a disk that is gone
+            self.seen[bag.name], self.changed = ("", ""), True
+            return ""
         return key
 
     def trial_id(self, bag: Path) -> str:

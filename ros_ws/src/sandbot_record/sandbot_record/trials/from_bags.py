@@ -74,7 +74,8 @@ def _measured(path: Path) -> Measured:
     try:
         return _read(path)
     except InputError as error:
-        raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+        named = str(error).startswith((f"{path}: ", f"{path}/"))
+        raise InputError(str(error) if named else f"{path}: {error}") from None
 
 
 def _read(path: Path) -> Measured:
@@ -154,7 +155,7 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
     recorded, cache = of_campaign(folder), Cache.read(folder)
     own = read_csv(folder / TRIALS_CSV) if (folder / TRIALS_CSV).is_file() else None
     edited = own is not None and content_hash(folder / TRIALS_CSV) != cache.written
-    tabled = _tabled(folder, bags, cache) if own else set()
+    tabled = _tabled(folder, bags, cache) - _lost_before(own, bags) if own else set()
     if own and len(own) == len(bags) == len(tabled) and not isinstance(first_bag := _row_or_reason(bags[0]), str):
         table = replace(from_rows(own.rows(), *shared([recorded, first_bag[1]]).for_table), unread=own.unread)
         if cache.changed:
@@ -183,6 +184,12 @@ def _as_edited(measured: Mapping[Path, Row], by_hand: Trials | None, tabled: Con
     return {bag: edited.get(row.trial_id, row) if bag in tabled else row for bag, row in measured.items()}
 
 
+def _lost_before(own: Trials, bags: Iterable[Path]) -> set[Path]:
+    """Bags that could not be read when the table was written: it does not decide what they are if they can be now."""
+    lost = {row.trial_id for row in own.rows() if row.status == UNREADABLE}
+    return {bag for bag in bags if files.base_name(bag) in lost}
+
+
 def _lost(own: Trials | None, failed: Iterable[Path], found: Container[str]) -> dict[Path, Row]:
     """Rows of the table whose bags can't be read any more."""
     known = {row.trial_id: row for row in own.rows() if row.trial_id not in found} if own else {}
@@ -199,6 +206,8 @@ def _fill(cache: Cache, keys: Mapping[Path, str], crew: Crew | None) -> dict[Pat
         for bag, result in zip(part, _measure_all(part, crew), strict=True):
             if isinstance(result, str):
                 failed[bag] = result
+            elif not keys[bag]:
+                failed[bag] = f"{bag}: its files could not be read a moment ago"
             else:
                 cache.measured[keys[bag]] = result
         cache.write(keys)
@@ -266,8 +275,9 @@ def bags_in(folder: Path) -> list[Path]:
     # A folder with storage files of several bags is included: reading it raises an error.
     return sorted(
         path
-        for path in inside.glob("[!.]*")
-        if reader.is_bag(path) or reader.storage_files(path) or (inside == trials and path.is_dir())
+        for path in inside.iterdir()  # a glob would pass over a folder that may not be read
+        if not path.name.startswith(".")
+        and (reader.is_bag(path) or reader.storage_files(path) or (inside == trials and path.is_dir()))
     )
 
 
@@ -276,7 +286,15 @@ def _tabled(folder: Path, bags: Sequence[Path], cache: Cache) -> set[Path]:
     if cache.tabled:  # preferred, as the clock may have been set since
         return {bag for bag in bags if cache.key(bag) in cache.tabled}
     written_ns = (folder / TRIALS_CSV).stat().st_mtime_ns
-    return {bag for bag in bags if all(file.stat().st_mtime_ns <= written_ns for file in files_of(bag))}
+    return {bag for bag in bags if _last_change_ns(bag) <= written_ns}
+
+
+def _last_change_ns(bag: Path) -> float:
+    """When a bag was last changed; infinite if its files can't be read."""
+    try:
+        return max((file.stat().st_mtime_ns for file in files_of(bag)), default=0)
+    except OSError:
+        return math.inf
 
 
 def _edits(rows: Sequence[Row], measured: Sequence[Row]) -> list[str]:
@@ -299,6 +317,8 @@ def _row_or_reason(bag: Path) -> Measured | str:
         return _measured(bag)
     except InputError as error:
         return str(error)
+    except OSError as error:  # of a folder that may not be entered, or on a disk that is gone
+        return f"{error.filename or bag}: {error.strerror}"
 
 
 def _started(bag: Bag, plan: dict[str, Any]) -> str:

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common import topics
+from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
 from sandbot_record.trials import camera_reports
+from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
@@ -28,7 +30,8 @@ ROBOT_GAP_S = 0.25
 CLOCK_STEP_S = 0.01
 """Largest step of the host's clock during a recording: a period of the cameras."""
 MIN_FOLLOWED = 0.5
-"""Smallest fraction of the commanded angle that the legs must turn; weak motors may fall behind, which is physics."""
+"""Smallest fraction of the commanded angle that the legs must turn, and of their usual one that each must turn in every
+commanded turn; weak motors may fall behind, which is physics."""
 TRACKING_GAP_S = 0.15
 """Longest time for which a landmark may be out of sight."""
 PHI_DRIFT = 0.003
@@ -169,7 +172,44 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
     wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (commanded, states))
     if turned < MIN_FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad commanded"
+    return _each_leg(bag, start_ns, end_ns)
+
+
+def _each_leg(bag: Bag, start_ns: int, end_ns: int) -> str:
+    """Whether a single leg stood, or all did for a while, as after a reset of their controller."""
+    names = _joints(bag, topics.LEG_SETPOINTS.name) or _joints(bag, topics.LEG_STATES.name)
+    if not names:
+        return ""
+    try:
+        told, states = (
+            leg_columns(bag, topic.name, names, "position", *FIELD_STAMP)
+            for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)
+        )
+    except InputError:
+        return ""  # the robot has other joints than are commanded
+    within = (states.stamp_ns >= start_ns) & (states.stamp_ns <= end_ns)
+    stamps, turned = states.stamp_ns[within], np.unwrap(states["position"][within], axis=0)
+    wanted = [np.interp(stamps, told.stamp_ns, np.unwrap(told["position"][:, leg])) for leg in range(len(names))]
+    starts, turns = zip(*(_turns(*pair) for pair in zip(wanted, turned.T, strict=True)), strict=True)
+    least = MIN_FOLLOWED * np.median(np.concatenate(turns)) if any(map(len, turns)) else 0.0
+    for name, start, made in zip(names, starts, turns, strict=True):
+        if (stood := made < least).any():
+            first = int(np.argmax(stood))
+            at_s = (stamps[start[first]] - start_ns) * 1e-9
+            return f"robot: {name} turned {made[first]:.1f} rad of a turn commanded from t = {at_s:.2f} s on"
     return ""
+
+
+def _turns(wanted: NDArray[np.float64], turned: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """From each sample on after which a leg is commanded to turn once: its index, and the angle that the leg turned."""
+    ends = np.searchsorted(np.maximum.accumulate(wanted), wanted + 2 * np.pi)
+    whole = np.flatnonzero(ends < len(wanted))
+    return whole, turned[ends[whole]] - turned[whole]
+
+
+def _joints(bag: Bag, topic: str) -> list[str]:
+    """The names of the joints in a topic's messages; empty if it gives none."""
+    return [str(name) for name in next(bag.messages([topic])).decode().name]
 
 
 def _behind(bag: Bag) -> str:

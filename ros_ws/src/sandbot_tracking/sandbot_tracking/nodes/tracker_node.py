@@ -52,25 +52,24 @@ class Unusable:
         return "; ".join(why for since_s, until_s, why in self._last.values() if until_s - since_s >= _BLIND_S)
 
 
-class ImageInput:
-    """Subscription to one camera's images as its driver offers them.
+class Input:
+    """Subscription to what a driver offers: the first of ``offers`` that is published.
 
-    Reliable if every publisher is, as a stall then loses no frame; best effort otherwise, as a reliable subscription
-    would receive nothing. Compressed images if nobody publishes raw ones.
+    Reliable if every publisher is, as a stall then loses nothing; best effort otherwise, as a reliable subscription
+    would receive nothing.
     """
 
-    def __init__(self, owner: Node, raw: Topic, compressed: Topic, callback: Callable[[Any], None]) -> None:
+    def __init__(self, owner: Node, callback: Callable[[Any], None], *offers: Topic) -> None:
         self._owner, self._callback = owner, callback
-        self._offers = raw, compressed
+        self._offers = offers
         self._now: tuple[Topic, bool] | None = None
         self._subscription: Subscription | None = None
         self.follow()
 
     def follow(self) -> None:
         """Subscribe again if the publishers have changed."""
-        raw, compressed = self._offers
         found = {topic: endpoints.reliabilities(self._owner, topic) for topic in self._offers}
-        topic = compressed if found[compressed] and not found[raw] else raw
+        topic = next((topic for topic in self._offers if found[topic]), self._offers[0])
         wanted = topic, not all(found[topic])
         if wanted == self._now or (self._now is not None and not found[topic]):
             return
@@ -105,14 +104,13 @@ class TrackerNode(Node):
         warm_up(cameras)
         self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
         self._inputs = [self._input(camera) for camera in self._live.views]
-        endpoints.subscription(self, topics.LEG_STATES, self._legs)
-        endpoints.subscription(self, topics.SYNC_LED, self._led)
+        self._inputs += [Input(self, self._legs, topics.LEG_STATES), Input(self, self._led, topics.SYNC_LED)]
         endpoints.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
         Timer(self, _FOLLOW_S, self._follow)
 
-    def _input(self, camera: str) -> ImageInput:
+    def _input(self, camera: str) -> Input:
         view = topics.VIEWS[camera]
-        return ImageInput(self, view.image, view.jpeg, lambda image: self._image(camera, image))
+        return Input(self, lambda image: self._image(camera, image), view.image, view.jpeg)
 
     def _follow(self) -> None:
         for source in self._inputs:
