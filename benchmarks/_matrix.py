@@ -1,5 +1,6 @@
 """A matrix of campaigns, analysed in several processes; every outcome is written as soon as it is known."""
 
+import argparse
 import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -34,6 +35,17 @@ def collect(
             out.write(json.dumps(known[-1]) + "\n")
             out.flush()
     return [one for one in known if key(one) in asked]
+
+
+def options(about: str | None, seeds: int, out: Path, only: str = "") -> argparse.ArgumentParser:
+    """What the command of a matrix takes; ``only`` says what may be chosen, if anything."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--seeds", type=int, default=seeds)
+    if only:
+        parser.add_argument("--only", action="append", default=[], help=f"{only}; may be given again")
+    parser.add_argument("--out", type=Path, default=out)
+    parser.add_argument("--workers", type=int)
+    return parser
 
 
 @dataclass

@@ -28,6 +28,7 @@ from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, Trials, from_rows
 from variants import ALIKE
@@ -151,7 +152,7 @@ def analyse(case: Case) -> dict[str, Any]:
 def outcome(truth: frozenset[str], found: Discovery) -> str:
     """A column of the table. What names effects, none of whose alternatives is part of the truth, is a false claim."""
     verdict = found.verdict
-    if verdict.status not in ("identified", "partial", "ambiguous"):
+    if verdict.status not in NAMES_EFFECTS:
         return verdict.status
     acting = _family(truth)
     named = [_family(one) for one in verdict.alternatives or (verdict.effects,)]

@@ -13,11 +13,10 @@ import numpy as np
 from selenium import webdriver
 from selenium.webdriver.support.ui import WebDriverWait
 
-from _drawn import table as made_table
+from _drawn import drawn
 from _figures import Figure
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.walking import Inputs
 from sandbot_record.trials.csv_table import write_csv
 
 _found: list[Figure] = []
@@ -130,17 +129,9 @@ def chromium() -> webdriver.Chrome:
 
 def made_up_trials(path: Path, levels: int, frequencies: int, replicates: int) -> None:
     """A table of the model itself with disturbed ground and noise."""
-    rng = np.random.default_rng(5)
-    grid = np.meshgrid(
-        np.linspace(0.58, 0.633, levels), np.linspace(4, 28, frequencies).round(1), range(replicates), indexing="ij"
-    )
-    phi, omega, replicate = (axis.ravel() for axis in grid)
     walker = model_of("simple", ("disturbed_ground",), catalogue()).walker
-    inputs = Inputs(np.interp(phi, [0.58, 0.60, 0.633], [168, 185, 220]), omega, 0.4, phi)
-    values = walker.predict(inputs, [{"k_l_n_per_m": 172.0, "s_c": 0.95}]).observables
-    values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
-    measured = phi + rng.normal(0, 3e-4, phi.shape)
-    write_csv(made_table(measured, omega, replicate, values), path)
+    grid = np.linspace(0.58, 0.633, levels), np.linspace(4, 28, frequencies).round(1)
+    write_csv(drawn(walker, [{"k_l_n_per_m": 172.0, "s_c": 0.95}], *grid, replicates, seed=5), path)
 
 
 if __name__ == "__main__":

@@ -76,10 +76,7 @@ def late(whose: str, delays: NDArray[np.float64], beside: str) -> list[Figure]:
     """How late the speeds of these cameras are, in the middle and at the end."""
     return [
         Figure(f"exposure to /speed, {whose}, {of}", f"{len(delays)} frames; {beside}", float(value), aim)
-        for of, value, aim in (
-            ("median", np.median(delays), "≤ 5 ms"),
-            ("99 %", np.percentile(delays, 99), "≤ 15 ms"),
-        )
+        for of, value, aim in (("median", np.median(delays), "≤ 5 ms"), ("99 %", np.percentile(delays, 99), "≤ 15 ms"))
     ]
 
 

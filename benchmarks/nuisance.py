@@ -7,7 +7,6 @@ python benchmarks/nuisance.py [--seeds 20] [--only NAME] [--out runs/nuisance.js
 holds a nuisance cover as often as it says.
 """
 
-import argparse
 import dataclasses
 import math
 from collections import Counter
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from _figures import Figure, share
-from _matrix import Matrix, collect
+from _matrix import Matrix, collect, options
 from hidden import CLEAR, OMEGA, PHI, of_other_draws
 from sandbot_common.accuracy import Accuracy
 from sandbot_lab.direct import direct_trials
@@ -31,6 +30,7 @@ from sandbot_model.discovery.batch_sd import BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import nuisances_for
+from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
@@ -187,7 +187,7 @@ def _gain(case: Case, seed: int) -> float:
 def outcome(hidden: frozenset[str], verdict: Any) -> str:
     """A column of the table: a verdict whose named sets do not hold what is hidden is a false claim."""
     named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
-    if verdict.status in ("identified", "partial", "ambiguous") and hidden not in named:
+    if verdict.status in NAMES_EFFECTS and hidden not in named:
         return "false claim"
     return "named" if verdict.status == "identified" else str(verdict.status)
 
@@ -324,7 +324,7 @@ def resolution(seeds: int) -> str:
 
 
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
-    right = [one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate") for one in results]
+    right = list(map(_right, results))
     false = [one["outcome"] == "false claim" for one in results]
     return [
         *share("verdicts right under a week's nuisances", "campaigns", right, "≥ 95 %"),
@@ -338,11 +338,7 @@ sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 def command() -> None:
     """Run what is missing of a part and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--only", action="append", default=[], help="a nuisance or a truth; may be given again")
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--workers", type=int)
+    parser = options(__doc__, SEEDS, OUT, "a nuisance or a truth")
     parser.add_argument("--drawn", action="store_true", help="weeks drawn from the priors of discover")
     parser.add_argument("--own", action="store_true", help="no effects but the truth's; give a file of its own")
     args = parser.parse_args()

@@ -6,7 +6,6 @@ The nuisances are those of nuisance.py, in the order that campaigns have by defa
 and the last step disturbs the ground: Δt shows in little but which conditions walk.
 """
 
-import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import Any
 
 import nuisance
 from _figures import Figure, share
-from _matrix import Matrix, collect
+from _matrix import Matrix, collect, options
 from sandbot_bringup.config import config_folder
 from sandbot_common.robot import read_robot
 from sandbot_lab.direct import direct_trials
@@ -160,12 +159,7 @@ sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 def command() -> None:
     """Run what is missing of a part and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--only", action="append", default=[], help="a nuisance or what is hidden; may be given again")
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--workers", type=int)
-    args = parser.parse_args()
+    args = options(__doc__, SEEDS, OUT, "a nuisance or what is hidden").parse_args()
     print(report(collect(analyse, list(cases(args.seeds, args.only)), args.out, args.workers)))
 
 

@@ -3,11 +3,9 @@
 python benchmarks/second_ground.py [--seeds 4] [--out runs/second_ground.jsonl] [--workers N]    resumes
 """
 
-import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from _figures import Figure, share
-from _matrix import collect
+from _matrix import Matrix, collect, options
 from hidden import OMEGA, PHI
 from sandbot_lab.direct import ReadingErrors, direct_trials
 from sandbot_lab.resistive import ResistiveGround
@@ -94,26 +92,19 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def sample() -> list[Figure]:
-    """Every ground once."""
-    with ProcessPoolExecutor() as pool:
-        results = list(pool.map(analyse, cases(1)[::3]))
+def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     named = [one["status"] in STATUSES[3:] for one in results]
     return share("effects named on ground of another kind", "campaigns", named, "≤ 2 %")
 
 
-def main() -> str:
-    """One campaign of every kind: what `make bench` has time for."""
-    return document(collect(analyse, cases(QUICK_SEEDS), OUT))
+# The sample is of every ground once.
+_matrix = Matrix(analyse, lambda: cases(1)[::3], lambda: cases(QUICK_SEEDS), OUT, document, _figures_of)
+sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 
 def command() -> None:
     """Run what is missing and print the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--workers", type=int)
-    args = parser.parse_args()
+    args = options(__doc__, SEEDS, OUT).parse_args()
     print(document(collect(analyse, cases(args.seeds), args.out, args.workers)))
 
 

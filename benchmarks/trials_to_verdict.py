@@ -33,6 +33,7 @@ from sandbot_model.design.places import Places, scatter_of_one
 from sandbot_model.design.start import Condition, start
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, from_rows
 
@@ -245,7 +246,7 @@ def _in_rounds(campaign: Campaign) -> Any:
 def outcome(world: hidden.Hidden, status: str, named: Sequence[frozenset[str]]) -> str:
     """right, false claim, or undecided; a set that holds the truth is right where no observable tells its members."""
     truth = frozenset(world.truth)
-    claims = status in ("identified", "ambiguous", "partial")
+    claims = status in NAMES_EFFECTS
     if world.kind == "outside":
         return "false claim" if status == "identified" else "right"
     if not truth:

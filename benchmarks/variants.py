@@ -5,7 +5,6 @@ python benchmarks/variants.py [--seeds 6] [--only FAMILY] [--out runs/variants.j
 Trials are drawn from the project's own chain, in which a formula stands for the effect.
 """
 
-import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ import yaml
 
 from _drawn import drawn
 from _figures import Figure, share
-from _matrix import Matrix, collect
+from _matrix import Matrix, collect, options
 from hidden import OMEGA, PHI
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery.discover import discover
@@ -121,7 +120,7 @@ def missed(form: Form, cells: Cells, named: Sequence[Fit]) -> float:
 def outcome(family: str, found: Discovery) -> str:
     """A column of the table. Another family named beside the true one is a false claim as well."""
     verdict = found.verdict
-    if verdict.status not in ("identified", "partial", "ambiguous") or family == OUTSIDE:
+    if verdict.status not in NAMED or family == OUTSIDE:
         return verdict.status
     family_of = {name: "alike" if name in ALIKE else name for name in catalogue()}
     named = [frozenset(family_of[name] for name in one) for one in verdict.alternatives or (verdict.effects,)]
@@ -212,12 +211,7 @@ sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 def command() -> None:
     """Run what is missing of a part and print its report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--only", action="append", default=[], help="a family; may be given again")
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--workers", type=int)
-    args = parser.parse_args()
+    args = options(__doc__, SEEDS, OUT, "a family").parse_args()
     print(document(collect(analyse, cases(args.seeds, args.only), args.out, args.workers)))
 
 

@@ -28,7 +28,7 @@ BED = (
 @contextlib.contextmanager
 def serial_bed(folder):
     """A bed on a serial line and its driver; yields the simulated device's process."""
-    device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(folder)]
+    device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(folder), "--lease", "1.0"]
     driver = running("sandbot_hardware.nodes.serial_bed_node", f"device:={folder / 'bed'}", "air_lease_s:=2.0")
     with ending(subprocess.Popen(device, stdin=subprocess.PIPE, text=True)) as simulated, driver:
         yield simulated

@@ -378,10 +378,7 @@ class Driver:
             topics.LEG_SETPOINTS.relative,
             self.heard.append,
             QoSProfile(
-                depth=10,
-                deadline=asked,
-                liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-                liveliness_lease_duration=asked,
+                depth=10, deadline=asked, liveliness=LivelinessPolicy.MANUAL_BY_TOPIC, liveliness_lease_duration=asked
             ),
             event_callbacks=SubscriptionEventCallbacks(
                 deadline=self.missed.append,

@@ -19,10 +19,7 @@ from sandbot_model.physics.variants import AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, w
 from sandbot_record.trials.table import Row, from_rows
 
 CLOCK = "slow_phase_speed"
-HIDDEN = {
-    "motor_saturation": ("omega_s_rad_s", 50.0, BY_THE_MEAN_RATE),
-    "belly_coast": ("mu_b", 0.4, AT_THE_SLOW_RATE),
-}
+HIDDEN = {"motor_saturation": ("omega_s_rad_s", 50.0, BY_THE_MEAN_RATE), "belly_coast": ("mu_b", 0.4, AT_THE_SLOW_RATE)}
 """A parameter's true value, and the convention that overlooks the gait's phases."""
 EACH = pytest.mark.parametrize("name", HIDDEN)
 # On another mount all of a stance lies in the slow phase. In HGCS a leg would stand for longer than half a period.

@@ -2,6 +2,7 @@ import os
 import pty
 import signal
 import subprocess
+import sys
 import termios
 import threading
 import time
@@ -128,6 +129,14 @@ def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def nodes_of_a_trial(start: Callable[..., Process]) -> None:
+    """The nodes of a trial in the virtual lab, each in a process of its own."""
+    for package, node in (("clock", "clock"), ("bed", "bed"), ("lab", "lab"), ("tracking", "tracker")):
+        module = f"sandbot_{package}.nodes.{node}_node"
+        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
 
 
 @pytest.fixture

@@ -21,6 +21,9 @@ from sandbot_tracking.tools import calibrate, track_video
 
 PLAN = "name: small\ngait: UNIFORM\nphi: [0.6, 0.633]\nomega_rad_s: [8, 20]\nreplicates: 1\n"
 
+BATCH = "--out @/out --batch"
+UNTIL = f"{BATCH} --until verdict"
+
 HEADER = "phi,omega_rad_s,speed_m_s\n"
 GOOD = HEADER + "0.633,16,0.203\n0.633,16,0.198\n"
 
@@ -28,6 +31,8 @@ CAMERAS = """dorsal: {width: 640, height: 480, fx: 900.0, fy: 900.0, cx: 319.5, 
   distortion: [0.0, 0.0, 0.0, 0.0, 0.0], position_m: [0.3, 0.0, 1.5],
   rotation: [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]], plane: {normal: z, offset_m: 0.05}}
 """
+
+NO_FOCUS = CAMERAS.replace("fx: 900.0", "fx: .nan")
 
 POINTS = "u_px,v_px,x_m,y_m,z_m\n" + "".join(f"{10 * n},{20 * n},0.{n},0.1,0.2\n" for n in range(1, 8))
 
@@ -70,10 +75,13 @@ def case(name, tool, line, *words, **files):
     return Case(name, tool, line, words, {key.replace("__", "."): content for key, content in files.items()})
 
 
+def campaign_case(name, line, *words, change="", **files):
+    """Of PLAN with a line more."""
+    return case(name, campaign, f"@/plan.yaml {line}", *words, plan__yaml=PLAN + change, **files)
+
+
 def plan_case(name, change, *words):
-    return case(
-        f"plan-{name}", campaign, "@/plan.yaml --out @/out --batch", "plan.yaml", *words, plan__yaml=PLAN + change
-    )
+    return campaign_case(f"plan-{name}", BATCH, "plan.yaml", *words, change=change)
 
 
 def csv_case(name, text, *words, tool=compare):
@@ -81,8 +89,8 @@ def csv_case(name, text, *words, tool=compare):
 
 
 def world_case(name, text, *words):
-    line = "@/plan.yaml --out @/out --batch --world @/world.yaml"
-    return case(f"world-{name}", campaign, line, "world.yaml", *words, plan__yaml=PLAN, world__yaml=text)
+    line = f"{BATCH} --world @/world.yaml"
+    return campaign_case(f"world-{name}", line, "world.yaml", *words, world__yaml=text)
 
 
 def formula_case(name, formula, *words):
@@ -95,9 +103,7 @@ def effects_file_case(name, text, *words):
     return case(f"effects-file-{name}", effects, line, "mine.py", *words, mine__py=text)
 
 
-def until_case(name, line, *words, change=""):
-    return case(f"until-{name}", campaign, f"@/plan.yaml --out @/out --batch {line}", *words, plan__yaml=PLAN + change)
-
+OTHER_ROBOT, NO_ANGLE = "robot: mine.yaml\n", "leg_mount_rad: east\n"
 
 PLANS = [
     plan_case("unknown-key", "phy: [0.6]\n", "phy", "phi"),
@@ -108,102 +114,41 @@ PLANS = [
     plan_case("unknown-gait", "gait_parameters: {duty: 0.5}\n", "gait_parameters", "UNIFORM"),
     plan_case("extra-trial-out-of-range", "extra_trials: [{phi: 0.9, omega_rad_s: 8}]\n", "extra_trials[0]", "0.9"),
     plan_case("not-yaml", "phi: [0.6\n"),
-    # What the plan says of other rooms is told by the plan's name.
-    case(
-        "leg-mount-no-angle",
-        campaign,
-        "@/plan.yaml --out @/out --batch",
-        "mine.yaml",
-        "leg_mount_rad",
-        "'east'",
-        plan__yaml=PLAN + "robot: mine.yaml\n",
-        mine__yaml="leg_mount_rad: east\n",
-    ),
-    case(
-        "plan-unknown-bed-key",
-        campaign,
-        "@/plan.yaml --out @/out --batch",
-        "bed: unknown key",
-        "puls",
-        plan__yaml=PLAN + "bed: {puls: 3}\n",
-    ),
-    case(
-        "plan-no-such-cameras",
-        campaign,
-        "@/plan.yaml --out @/out --batch",
-        "@/mine.yaml",
-        "no such file",
-        plan__yaml=PLAN + "cameras: mine.yaml\n",
-    ),
+    # What is wrong in a file that the plan names is told by that file's name.
+    campaign_case("leg-mount-no-angle", BATCH, "mine.yaml", "'east'", change=OTHER_ROBOT, mine__yaml=NO_ANGLE),
+    campaign_case("no-such-cameras", BATCH, "@/mine.yaml", "no such file", change="cameras: mine.yaml\n"),
+    plan_case("unknown-bed-key", "bed: {puls: 3}\n", "bed: unknown key", "puls"),
     case("plan-missing", campaign, "@/nowhere.yaml --out @/out --batch", "nowhere.yaml", "no such file"),
     case("plan-like-no-other", campaign, "nosuch.yaml", "nosuch.yaml: no such file; known: demo.yaml, "),
     case("plan-where-a-file-is", campaign, "@/p.yaml --out @/p.yaml --batch", "p.yaml: is a file", p__yaml=PLAN),
-    case(
+    campaign_case(
         "next-trials-of-no-discovery",
-        campaign,
-        "@/p.yaml --out @/out --batch --plan @/p.yaml",
-        "p.yaml: not JSON: line 1",
+        f"{BATCH} --plan @/plan.yaml",
+        "plan.yaml: not JSON: line 1",
         "the file that discover --json writes",
-        p__yaml=PLAN,
     ),
-    until_case("alpha", "--until verdict --alpha 2", "--alpha: 2.0 is outside [1e-06, 0.5]"),
-    until_case("alpha-alone", "--alpha 0.1", "error: --alpha needs --until verdict"),
-    until_case("model", "--until verdict --model foo", "error: --model: 'foo' is not a base model; known: simple"),
-    until_case("budget", "--until verdict --budget 1", "error: --budget: 1 trials are fewer than the"),
-    until_case("sentinel", "--until verdict", "@/plan.yaml: sentinel: 2 with until", change="sentinel: 2\n"),
-    until_case("in-the-plan", "", "@/plan.yaml: alpha: 2 is outside", change="until: verdict\nalpha: 2\n"),
-    until_case("model-of-the-plan", "", "@/plan.yaml: model: 'foo' is not", change="until: verdict\nmodel: foo\n"),
+    campaign_case("until-alpha", f"{UNTIL} --alpha 2", "--alpha: 2.0 is outside [1e-06, 0.5]"),
+    campaign_case("until-alpha-alone", f"{BATCH} --alpha 0.1", "error: --alpha needs --until verdict"),
+    campaign_case("until-model", f"{UNTIL} --model foo", "error: --model: 'foo' is not a base model; known: simple"),
+    campaign_case("until-budget", f"{UNTIL} --budget 1", "error: --budget: 1 trials are fewer than the"),
+    campaign_case("until-sentinel", UNTIL, "@/plan.yaml: sentinel: 2 with until", change="sentinel: 2\n"),
+    plan_case("until-alpha", "until: verdict\nalpha: 2\n", "alpha: 2 is outside"),
+    plan_case("until-model", "until: verdict\nmodel: foo\n", "model: 'foo' is not"),
     case("plan-not-given", campaign, "--batch", "plan"),
     case("plan-of-a-folder-without-one", campaign, "@ --batch", "campaign.yaml", "no such file"),
     case("plan-empty", campaign, "@/plan.yaml --out @/out --batch", "plan.yaml", plan__yaml=""),
-    case("no-workers", campaign, "@/plan.yaml --out @/out --batch --workers 0", "--workers", "0", plan__yaml=PLAN),
-    case(
-        "silence-below-0",
-        campaign,
-        "@/plan.yaml --out @/out --dry-run --silence -1",
-        "--silence",
-        "0.3 to 10",
-        plan__yaml=PLAN,
-    ),
-    case(
-        "silence-in-batch",
-        campaign,
-        "@/plan.yaml --out @/out --batch --silence 2",
-        "--silence",
-        "--batch",
-        plan__yaml=PLAN,
-    ),
-    case(
-        "workers-of-live-trials",
-        campaign,
-        "@/plan.yaml --out @/out --workers 2",
-        "--workers",
-        "--batch",
-        plan__yaml=PLAN,
-    ),
+    campaign_case("no-workers", f"{BATCH} --workers 0", "--workers", "0"),
+    campaign_case("silence-below-0", "--out @/out --dry-run --silence -1", "--silence", "0.3 to 10"),
+    campaign_case("silence-in-batch", f"{BATCH} --silence 2", "--silence", "--batch"),
+    campaign_case("workers-of-live-trials", "--out @/out --workers 2", "--workers", "--batch"),
     case("title-of-no-report", compare, "@/t.csv --title x", "--title", "--html", t__csv=GOOD),
     case("title-of-no-report-of-a-discovery", discover, "@/t.csv --title x", "--title", "--html", t__csv=GOOD),
     case("codec-of-no-video", record, "/x --out @/b --images jpeg --video-codec ffv1", "--video-codec", "jpeg"),
-    case("seed-no-number", campaign, "@/plan.yaml --out @/out --batch --hide x", "--hide", "x", plan__yaml=PLAN),
-    case("world-of-a-live-lab", campaign, "@/plan.yaml --out @/out --hide 3", "--hide", "--batch", plan__yaml=PLAN),
-    case("unknown-option", campaign, "@/plan.yaml --bach", "--bach", plan__yaml=PLAN),
-    case(
-        "next-trials-missing",
-        campaign,
-        "@/plan.yaml --out @/out --batch --plan @/found.json",
-        "found.json",
-        "no such file",
-        plan__yaml=PLAN,
-    ),
-    case(
-        "out-is-no-campaign",
-        campaign,
-        "@/plan.yaml --out @ --batch",
-        "exists",
-        "campaign.yaml",
-        plan__yaml=PLAN,
-        keep__txt="a note",
-    ),
+    campaign_case("seed-no-number", f"{BATCH} --hide x", "--hide", "x"),
+    campaign_case("world-of-a-live-lab", "--out @/out --hide 3", "--hide", "--batch"),
+    campaign_case("unknown-option", "--bach", "--bach"),
+    campaign_case("next-trials-missing", f"{BATCH} --plan @/found.json", "found.json", "no such file"),
+    case("out-is-no-campaign", campaign, "@/p.yaml --out @ --batch", "exists", "campaign.yaml", p__yaml=PLAN),
 ]
 
 WORLDS = [
@@ -212,14 +157,7 @@ WORLDS = [
     world_case("unknown-key", "noize: {}\n", "noize", "noise"),
     world_case("nan", "delta_t_s: .nan\n", "delta_t_s", "nan"),
     world_case("out-of-range", "delta_t_s: -0.4\n", "delta_t_s", "-0.4"),
-    case(
-        "world-missing",
-        campaign,
-        "@/plan.yaml --out @/out --batch --world @/world.yaml",
-        "world.yaml",
-        "no such file",
-        plan__yaml=PLAN,
-    ),
+    campaign_case("world-missing", f"{BATCH} --world @/world.yaml", "world.yaml", "no such file"),
 ]
 
 TABLES = [
@@ -243,6 +181,7 @@ TABLES = [
 ]
 
 EFFECTS = [
+    case("unknown-base-model", compare, "@/t.csv --model best --json @/out.json", "invalid choice", t__csv=GOOD),
     case("unknown-effect", compare, "@/t.csv --effects ghost --json @/out.json", "ghost", "leg_slip", t__csv=GOOD),
     effects_file_case("syntax", "class Boost(:\n", "SyntaxError"),
     effects_file_case("raises", "1 / 0\n", "ZeroDivisionError"),
@@ -267,29 +206,12 @@ BAGS = [
 
 VIDEOS = [
     case("video-missing", track_video, "@/top.mp4 --cameras @/c.yaml", "top.mp4", "no such", c__yaml=CAMERAS),
-    case(
-        "video-unreadable",
-        track_video,
-        "@/top.mp4 --cameras @/c.yaml",
-        "top.mp4",
-        "readable",
-        c__yaml=CAMERAS,
-        top__mp4="hello",
-    ),
+    case("video-unreadable", track_video, "@/t.mp4 --cameras @/c.yaml", "readable", c__yaml=CAMERAS, t__mp4="hello"),
     case("video-no-start", track_video, "@/t.mp4 --cameras @/c.yaml --start nan", "--start", "nan", c__yaml=CAMERAS),
     case("video-no-omega", track_video, "@/t.mp4 --cameras @/c.yaml --omega nan", "--omega", "nan", c__yaml=CAMERAS),
     case("cameras-missing", track_video, "@/t.mp4 --cameras @/c.yaml", "c.yaml", "no such file", t__mp4="hello"),
     case("cameras-without-lateral", track_video, "@/a @/b --cameras @/c.yaml", "lateral", c__yaml=CAMERAS),
-    case(
-        "cameras-nan",
-        track_video,
-        "@/a --cameras @/c.yaml",
-        "c.yaml",
-        "dorsal",
-        "fx",
-        "nan",
-        c__yaml=CAMERAS.replace("fx: 900.0", "fx: .nan"),
-    ),
+    case("cameras-nan", track_video, "@/a --cameras @/c.yaml", "c.yaml", "dorsal", "fx", "nan", c__yaml=NO_FOCUS),
 ]
 
 
@@ -304,13 +226,7 @@ POINT_TABLES = [
     points_case("text", POINTS + "left,1,1,1,1\n", "row 9", "u_px", "left"),
     points_case("nan", POINTS + "1,1,nan,1,1\n", "row 9", "x_m", "nan"),
     points_case("too-few", "".join(POINTS.splitlines(keepends=True)[:4]), "3 points", "6"),
-    case(
-        "points-in-a-line",
-        calibrate,
-        "@/p.csv --name dorsal --plane 0.05 --out @/out.yaml",
-        "plane",
-        p__csv=POINTS,
-    ),
+    case("points-in-a-line", calibrate, "@/p.csv --name dorsal --plane 0.05 --out @/o.yaml", "plane", p__csv=POINTS),
     case(
         "chessboard-unreadable",
         calibrate,

@@ -1,7 +1,5 @@
 """What ends a campaign with a sentence: a gate that stays shut, trials that fail alike, a folder of another's."""
 
-import sys
-
 import pytest
 
 from sandbot_bringup.folder import CampaignFolder
@@ -9,24 +7,14 @@ from sandbot_bringup.plan import read_plan
 from sandbot_bringup.streak import ALIKE
 from sandbot_record.bags.reader import Bag
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = (
-    "sandbot_clock.nodes.clock_node",
-    "sandbot_bed.nodes.bed_node",
-    "sandbot_lab.nodes.lab_node",
-    "sandbot_tracking.nodes.tracker_node",
-)
+pytestmark = [
+    *(pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)),
+    pytest.mark.usefixtures("nodes_of_a_trial"),
+]
 RARE = {"min_readings": 500, "average_s": 0.2, "pulse_off_s": 0.3, "fluidise_s": 0.7}
 """A bed that needs more heights a second than the lab's sensor gives: 50."""
 WEAK = {"max_pulses": 1, "pulse_off_s": 0.3, "fluidise_s": 0.7, "settle_s": 0.4, "average_s": 0.2}
 """A bed that no pulse prepares."""
-
-
-@pytest.fixture(autouse=True)
-def trackway(start):
-    """The nodes of a trial."""
-    for module in NODES:
-        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
 
 
 def test_heights_too_rare_to_prepare_with_end_the_campaign(tmp_path, start, plan_of_one):

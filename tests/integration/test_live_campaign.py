@@ -98,11 +98,7 @@ def check(path, live, batch_on, tmp_path, wall_s, failed, chance=None):
         worst.setdefault((trial.phi, trial.omega_rad_s), []).append(off)
         least_s += prepared_s(Bag.open(tmp_path / "batch" / "trials" / trial.trial_id))
         least_s += plan.standing_s + plan.duration_s(trial.omega_rad_s)
-    print(
-        f"\nwall {wall_s:.0f} s, by the plan at least {least_s:.0f} s; run again: {len(failed)}",
-        *failed,
-        sep="\n",
-    )
+    print(f"\nwall {wall_s:.0f} s, by the plan at least {least_s:.0f} s; run again: {len(failed)}", *failed, sep="\n")
     for (phi, omega), off in sorted(worst.items()):
         print(f"| {phi:g} | {omega:g} | {', '.join(f'{100 * one:+.2f}' for one in off)} |")
     assert np.abs(list(worst.values())).max() < 0.01

@@ -13,13 +13,10 @@ from sandbot_common.ros import endpoints
 from sandbot_record.bags.reader import Bag
 
 # Each is a case of "nobody records", of which tests/faults/test_matrix.py samples one.
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = (
-    "sandbot_clock.nodes.clock_node",
-    "sandbot_bed.nodes.bed_node",
-    "sandbot_lab.nodes.lab_node",
-    "sandbot_tracking.nodes.tracker_node",
-)
+pytestmark = [
+    *(pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)),
+    pytest.mark.usefixtures("nodes_of_a_trial"),
+]
 WALK_S = 30.0
 """A trial so long that no busy machine ends it before it is stopped."""
 
@@ -37,8 +34,6 @@ def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, 
         beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
     )
     endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
-    for module in NODES:
-        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
     plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
     live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--silence", "5", "--out", tmp_path / "live")
     beside.until(lambda: states and any(states[-1].velocity), 120.0)
@@ -76,8 +71,6 @@ def test_nobody_walks_for_a_recorder_that_hears_nobody(tmp_path, start, plan_of_
         beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
     )
     beside.node.create_publisher(String, "/nobody", 1)
-    for module in NODES:
-        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
     plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
     live = start(sys.executable, "-c", DEAF, plan, "--silence", "5", "--out", tmp_path / "live")
     beside.until(lambda: live.ended, 120.0)

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 
 import pytest
 
@@ -10,20 +9,15 @@ from sandbot_common import topics
 from sandbot_common.ros import endpoints
 
 # Of this, which takes most of a minute, tests/faults/test_live_leases.py has the lease's part.
-pytestmark = [pytest.mark.ros, pytest.mark.whole, pytest.mark.timeout(300)]
-NODES = (
-    "sandbot_clock.nodes.clock_node",
-    "sandbot_bed.nodes.bed_node",
-    "sandbot_lab.nodes.lab_node",
-    "sandbot_tracking.nodes.tracker_node",
-)
+pytestmark = [
+    *(pytest.mark.ros, pytest.mark.whole, pytest.mark.timeout(300)),
+    pytest.mark.usefixtures("nodes_of_a_trial"),
+]
 
 
 def test_it_goes_on_at_once(tmp_path, start, plan_of_one, beside):
     states = []
     endpoints.subscription(beside.node, topics.LEG_STATES, states.append)
-    for module in NODES:
-        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
     run = ("ros2", "run", "sandbot_bringup", "campaign", plan_of_one(), "--silence", "5", "--out", tmp_path / "live")
 
     def walks():

@@ -1,6 +1,7 @@
 """What the stand-in covers, its way of refusing, and its parser."""
 
 import argparse
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 VERBS = {
@@ -39,6 +40,12 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         # An abbreviation that works here might mean another flag of the real ros2.
         super().__init__(*args, **{"allow_abbrev": False, **kwargs})
+
+    def run(self, argv: Sequence[str]) -> int:
+        """Parse, and run the verb."""
+        args = self.parse_args(argv)
+        code: int = args.run(args)
+        return code
 
     def error(self, message: str) -> NoReturn:
         """Raise NotCovered in place of usage and exit."""

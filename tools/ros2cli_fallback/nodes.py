@@ -1,7 +1,7 @@
 """``ros2 node``: list, info."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from rclpy.node import Node
 
@@ -22,9 +22,7 @@ def main(argv: Sequence[str]) -> int:
     verb.add_argument("--include-hidden", action="store_true", help="hidden topics and services as well")
     graph.add_arguments(verb)
     verb.set_defaults(run=info)
-    args = parser.parse_args(argv)
-    run: Callable[[argparse.Namespace], int] = args.run
-    return run(args)
+    return parser.run(argv)
 
 
 def listing(args: argparse.Namespace) -> int:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import yaml
@@ -13,7 +13,7 @@ from rclpy.parameter import get_parameter_value, parameter_value_to_python
 
 from ros2cli_fallback import graph
 from ros2cli_fallback.convert import to_plain
-from ros2cli_fallback.cover import Failure, verbs_parser
+from ros2cli_fallback.cover import Failure, Parser, verbs_parser
 
 _LABELS = {
     ParameterType.PARAMETER_BOOL: ("boolean", "Boolean value is:"),
@@ -31,9 +31,7 @@ _LABELS = {
 
 def main(argv: Sequence[str]) -> int:
     """``param VERB ...``."""
-    args = _parser().parse_args(argv)
-    run: Callable[[argparse.Namespace], int] = args.run
-    return run(args)
+    return _parser().run(argv)
 
 
 def listing(args: argparse.Namespace) -> int:
@@ -153,7 +151,7 @@ def _description(descriptor: ParameterDescriptor) -> list[str]:
     return lines
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     parser, verbs = verbs_parser("param")
     for name, run in (("list", listing), ("get", get), ("set", set_), ("describe", describe), ("dump", dump)):
         verb = verbs.add_parser(name, help=run.__doc__)

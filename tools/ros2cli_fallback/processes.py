@@ -30,10 +30,7 @@ class Group:
     """Starts processes, waits for the first reason to stop, stops all."""
 
     def __init__(
-        self,
-        processes: Sequence[Process],
-        say: Callable[[str], None] | None = None,
-        grace_s: float = GRACE_S,
+        self, processes: Sequence[Process], say: Callable[[str], None] | None = None, grace_s: float = GRACE_S
     ) -> None:
         self._processes = processes
         self._lock = threading.Lock()

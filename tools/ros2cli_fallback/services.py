@@ -3,7 +3,7 @@
 import argparse
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import yaml
 
@@ -30,9 +30,7 @@ def main(argv: Sequence[str]) -> int:
     verb.add_argument("values", nargs="?", default="{}", help="the request in YAML, e.g. '{data: true}'")
     verb.add_argument("-r", "--rate", type=float, help="repeat at this rate [Hz]")
     verb.set_defaults(run=call)
-    args = parser.parse_args(argv)
-    run: Callable[[argparse.Namespace], int] = args.run
-    return run(args)
+    return parser.run(argv)
 
 
 def listing(args: argparse.Namespace) -> int:

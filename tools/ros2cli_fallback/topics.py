@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
 from ros2cli_fallback import convert, graph
-from ros2cli_fallback.cover import Failure, verbs_parser
+from ros2cli_fallback.cover import Failure, Parser, verbs_parser
 from ros2cli_fallback.rate import Rate
 
 TRUNCATE_LENGTH = 128
@@ -20,9 +20,7 @@ HZ_DEPTH = 2000
 
 def main(argv: Sequence[str]) -> int:
     """``topic VERB ...``."""
-    args = _parser().parse_args(argv)
-    verb: Callable[[argparse.Namespace], int] = args.run
-    return verb(args)
+    return _parser().run(argv)
 
 
 def listing(args: argparse.Namespace) -> int:
@@ -194,7 +192,7 @@ def _positive(text: str) -> int:
     return int(text)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     parser, verbs = verbs_parser("topic")
     _list_arguments(verbs.add_parser("list", help="output a list of available topics"))
     _echo_arguments(verbs.add_parser("echo", help="output messages from a topic"))

@@ -18,9 +18,5 @@ setup(
     maintainer_email="maintainers@trackway.example",
     description="The fluidised bed: pulse protocol and volume fraction with its uncertainty.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "bed = sandbot_bed.bed_parameters:main",
-        ],
-    },
+    entry_points={"console_scripts": ["bed = sandbot_bed.bed_parameters:main"]},
 )

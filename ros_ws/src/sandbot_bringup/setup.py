@@ -45,6 +45,6 @@ setup(
             "console = sandbot_bringup.console_parameters:main",
             "scene = sandbot_bringup.scene_parameters:main",
             "unseal = sandbot_bringup.tools.unseal:main",
-        ],
+        ]
     },
 )

@@ -18,9 +18,5 @@ setup(
     maintainer_email="maintainers@trackway.example",
     description="The leg clock signal: gait parameters to leg set-points.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "clock = sandbot_clock.clock_parameters:main",
-        ],
-    },
+    entry_points={"console_scripts": ["clock = sandbot_clock.clock_parameters:main"]},
 )

@@ -31,6 +31,6 @@ setup(
             "serial_bed = sandbot_hardware.serial_bed_parameters:main",
             "serial_camera = sandbot_hardware.serial_camera_parameters:main",
             "simulate = sandbot_hardware.simulate_command:main",
-        ],
+        ]
     },
 )

@@ -22,6 +22,6 @@ setup(
         "console_scripts": [
             "lab = sandbot_lab.lab_parameters:main",
             "penetrometer = sandbot_lab.tools.penetrometer:main",
-        ],
+        ]
     },
 )

@@ -48,6 +48,6 @@ setup(
             "atlas = sandbot_model.tools.atlas:main",
             "export = sandbot_model.tools.export:main",
             "effects = sandbot_model.tools.effects:main",
-        ],
+        ]
     },
 )

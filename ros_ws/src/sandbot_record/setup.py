@@ -36,6 +36,6 @@ setup(
             "recover = sandbot_record.tools.recover:main",
             "info = sandbot_record.tools.info:main",
             "table = sandbot_record.tools.table:main",
-        ],
+        ]
     },
 )

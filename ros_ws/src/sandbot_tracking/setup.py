@@ -24,6 +24,6 @@ setup(
             "camera = sandbot_tracking.camera_parameters:main",
             "calibrate = sandbot_tracking.tools.calibrate:main",
             "track_video = sandbot_tracking.tools.track_video:main",
-        ],
+        ]
     },
 )

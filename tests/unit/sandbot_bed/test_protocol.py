@@ -71,6 +71,18 @@ def test_stages_follow_each_other_without_gaps():
     assert seen[-1] == (done.duration_s, Stage.READY)
 
 
+def test_air_falls_evenly_through_the_ramp_so_that_the_bed_settles_level():
+    bed, ramp = Bed(), []
+    parameters = replace(P, fluidise_level=0.8)
+    done = prepare(parameters, bed, 0.59, bed.advance, DT, lambda t_s, command: ramp.append((t_s, command)))
+    span = next(span for span in done.stages if span.stage is Stage.RAMP_DOWN)
+    assert span.end_s - span.start_s == pytest.approx(P.ramp_s)
+    levels = [command.blower for _, command in ramp if command.stage is Stage.RAMP_DOWN]
+    times = [t_s for t_s, command in ramp if command.stage is Stage.RAMP_DOWN]
+    remaining = 1 - (np.array(times) - span.start_s) / P.ramp_s
+    assert levels == pytest.approx(0.8 * remaining, abs=1e-9)
+
+
 def test_pulses_shorten_near_the_target():
     # 5 usual pulses pack 63 % of the way: a whole one would step over a window of ±0.001.
     bed, whole = Bed(pulses=5.0), Bed(pulses=5.0)
@@ -220,8 +232,7 @@ HEIGHTS = st.one_of(st.floats(0.09, 0.101), st.floats(allow_nan=True, allow_infi
 
 
 @given(
-    st.floats(0.58, 0.633),
-    st.lists(st.tuples(st.floats(0, 3), HEIGHTS, st.sampled_from("ssssssssap")), max_size=150),
+    st.floats(0.58, 0.633), st.lists(st.tuples(st.floats(0, 3), HEIGHTS, st.sampled_from("ssssssssap")), max_size=150)
 )
 def test_air_is_on_only_where_it_may_be(target, events):
     protocol, now_s = PulseProtocol(), 0.0

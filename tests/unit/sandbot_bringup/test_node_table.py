@@ -163,8 +163,7 @@ def test_a_parameter_on_the_command_line_reads_back_as_it_was(value):
 
 
 @pytest.mark.parametrize(
-    ("word", "complaint"),
-    [("lab=true", "malformed"), (":=true", "malformed"), ("lab", "malformed")],
+    ("word", "complaint"), [("lab=true", "malformed"), (":=true", "malformed"), ("lab", "malformed")]
 )
 def test_malformed_launch_arguments_are_refused(word, complaint):
     with pytest.raises(InputError, match=complaint):

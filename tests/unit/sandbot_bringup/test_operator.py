@@ -28,10 +28,7 @@ from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
 
 PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")
-LAUNCHED = {
-    "bed": asdict(ProtocolParameters(fluidise_s=0.7)) | {"target_phi": 0.6},
-    "clock": {"max_run_s": 30.0},
-}
+LAUNCHED = {"bed": asdict(ProtocolParameters(fluidise_s=0.7)) | {"target_phi": 0.6}, "clock": {"max_run_s": 30.0}}
 (TRIAL,) = trials_of(replace(PLAN, replicates=1))
 
 

@@ -95,7 +95,7 @@ def test_an_overlap_that_goes_on_is_one():
 def test_silence_is_normal_at_rest_and_unknown_in_motion():
     still = told(0.0, REST, False)
     still.on_clock(False, 100.0)
-    assert still.legs(100.0).state == "still"
+    assert (still.legs(100.0).state, still.legs(100.0).text) == ("still", "legs still")
     for running, t_s, why in ((True, 100.0, "the clock is running"), (False, 100.0 - 2 * ALIVE_S, "clock is silent")):
         still.on_clock(running, t_s)
         assert still.legs(100.0).state == "unknown"
@@ -123,9 +123,16 @@ def test_when_all_came_to_rest_is_known():
     assert not safety.at_rest(10.0)
     safety.on_legs(REST, 10.2)
     safety.on_legs(REST, 10.3)
+    assert not safety.at_rest(10.3)  # air is on
     safety.on_air(0.0, 10.4)
+    safety.on_air(0.0, 10.5)
     assert (safety.rest_s, safety.off_s) == (10.2, 10.4)
-    assert safety.at_rest(10.4)
+    assert safety.at_rest(10.5)
+    safety.on_air(1.0, 10.6)
+    safety.on_legs(TURN, 10.6)
+    assert (safety.rest_s, safety.off_s) == (10.2, 10.4)
+    safety.on_air(0.0, 10.7)
+    assert not safety.at_rest(10.7)  # legs turn
 
 
 EVENTS = st.tuples(st.sampled_from(["legs", "air", "clock"]), st.booleans(), st.floats(0.0, 2.0))

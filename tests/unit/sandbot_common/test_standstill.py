@@ -1,16 +1,6 @@
 import pytest
 
-from sandbot_common.standstill import (
-    AWAKE_S,
-    BEGUN,
-    BEGUN_S,
-    LIMIT_S,
-    OLD,
-    REFUSED_S,
-    STOPPED,
-    STOPPED_S,
-    Standstill,
-)
+from sandbot_common.standstill import AWAKE_S, BEGUN, BEGUN_S, LIMIT_S, OLD, REFUSED_S, STOPPED, STOPPED_S, Standstill
 
 THAWED_S = 100.0 + LIMIT_S + 1.0
 

@@ -254,7 +254,10 @@ class Console:
         zero_s = max(self.measured.latest_s, self.predicted.latest_s)
         safety = self.safety.statement(now_s)
         return {
-            "topics": {name: one.health(now_s, self.latched[name], self._expected(name)) for name, one in self._topics},
+            "topics": {
+                name: arrivals.health(now_s, self.latched[name], self._expected(name))
+                for name, arrivals in self.arrivals.items()
+            },
             "nodes": {name: one.shown(name, now_s) for name, one in sorted(self.nodes.items())},
             "speed": {"measured": self.measured.columns(zero_s), "predicted": self.predicted.columns(zero_s)},
             "values": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
@@ -274,10 +277,6 @@ class Console:
         """Whether legs or air are being commanded, as clock and bed report."""
         clock, bed = self._recent("clock", now_s), self._recent("bed", now_s)
         return clock.get("running") == "True" or bed.get("stage") in BUSY
-
-    @property
-    def _topics(self) -> list[tuple[str, Arrivals]]:
-        return list(self.arrivals.items())
 
     def _expected(self, topic: str) -> float:
         """Since when messages of a topic are expected; infinity if they are not."""

@@ -153,12 +153,7 @@ def serve(source: Source, port: int) -> BaseWSGIServer:
         raise InputError(f"console: port {port} of {HOST} is taken; set another, e.g. -p port:={port + 1}") from None
     with listening:
         server = make_server(
-            HOST,
-            listening.getsockname()[1],
-            app(source),
-            threaded=True,
-            request_handler=_Quiet,
-            fd=listening.fileno(),
+            HOST, listening.getsockname()[1], app(source), threaded=True, request_handler=_Quiet, fd=listening.fileno()
         )
     threading.Thread(target=server.serve_forever, name="console page", daemon=True).start()
     return server

@@ -40,8 +40,8 @@ DIGITS = {"phi": "%.4f", "omega_rad_s": "%06.3f"}
 """Precision to which conditions are distinguished in the names of their trials."""
 OMEGA_HIGH = 60.0
 END_S = 0.02
-"""How much longer than two periods the legs turn at least, so that rounded set-points, or legs that lag, do not cut off
-the end of the second, the only steady one."""
+"""Least time for which legs turn beyond two periods: rounded set-points, or legs that lag, must not cut off the end of
+the second, the only steady one."""
 
 
 @dataclass(frozen=True)

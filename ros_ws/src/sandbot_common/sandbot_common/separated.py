@@ -14,10 +14,7 @@ from sandbot_common.terminal import counted
 
 
 def read_csv(
-    path: Path,
-    needed: str = "a CSV file",
-    matters: Callable[[str], bool] = bool,
-    notes: list[str] | None = None,
+    path: Path, needed: str = "a CSV file", matters: Callable[[str], bool] = bool, notes: list[str] | None = None
 ) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped, without empty rows.
 
@@ -122,9 +119,11 @@ def _split(text: str, separator: str, matters: Callable[[str], bool]) -> _Table:
 
 
 def _header(lines: list[list[str]], matters: Callable[[str], bool]) -> tuple[list[str], int]:
-    """The header, and the index of the first line below it. Comment lines (#) and single cells above a wider table
-    precede the header, and so does a line without a cell that ``matters`` if one with such cells follows soon; but if
-    numbers follow directly, the last comment with as many cells is it, as numpy writes it.
+    """The header, and the index of the first line below it.
+
+    Above it may stand comments (#), single cells of a wider table, and lines without a cell that ``matters`` if one
+    with such cells follows soon. If numbers come first, the header is the last comment with as many cells, as numpy
+    writes it.
     """
     wide = any(sum(map(bool, line)) > 1 for line in lines if not _comment(line))
     for number, line in enumerate(lines):

@@ -28,9 +28,8 @@ class LegController:
 
     It starts in that state, as it has not seen the start of a motion that was already under way.
 
-    A set-point says where the legs are to be at its own time. One that comes late, of a time whose state has been
-    reported, or so soon after it that no leg could get there, is not walked: the legs go on to the next one that is in
-    time.
+    A set-point says where the legs are to be at its own time. It is skipped if it comes too late: if the state at that
+    time has been reported already, or so shortly before that no leg could get there.
     """
 
     def __init__(self, legs: int, walk: Walk, begin: Callable[[float], None], lease_s: float = 0.24) -> None:

@@ -163,8 +163,8 @@ class Port:
 def send(file: int, data: bytes) -> None:
     """Write all of it. Raises TimeoutError if the device accepts nothing for ``_WAIT_S``.
 
-    Not pyserial's write, which also fails if this process is held up for longer after everything was sent, so that a
-    busy machine was mistaken for an unplugged cable.
+    pyserial's write also fails if this process is held up after everything was sent: it would take a busy machine for
+    an unplugged cable.
     """
     while data:
         _, ready, _ = select.select([], [file], [], _WAIT_S)

@@ -26,7 +26,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return cli.run(_simulate, argv)
 
 
-def _simulate(argv: Sequence[str]) -> int:
+def _options(argv: Sequence[str]) -> argparse.Namespace:
+    """The arguments, checked. Raises InputError."""
     parser = cli.Parser(prog="simulate", description=__doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where the terminals appear")
     parser.add_argument("--cameras", type=Path, help="cameras.yaml (default: the project's own)")
@@ -47,6 +48,11 @@ def _simulate(argv: Sequence[str]) -> int:
         raise InputError(f"--lease {options.lease}: a time above 0 s")
     if options.phi != 0 and not PHI_LOW <= options.phi <= PHI_HIGH:
         raise InputError(f"--phi {options.phi}: {PHI_LOW} to {PHI_HIGH}, or 0 for the bed's own")
+    return options
+
+
+def _simulate(argv: Sequence[str]) -> int:
+    options = _options(argv)
     # Imported only once the options are parsed, so that --help and errors are quick.
     from sandbot_hardware.simulate import PORTS, Trackway, obey
 

@@ -188,10 +188,7 @@ EFFECTS: dict[str, Effect] = {
     ),
     "x_periodic_strength": Effect(
         "strength varies periodically along the track, as from a patterned air distributor",
-        (
-            P("amplitude", 0.10, 0.0, 0.5, "", "relative amplitude"),
-            P("length_m", 0.10, 0.02, 1.0, "m", "period"),
-        ),
+        (P("amplitude", 0.10, 0.0, 0.5, "", "relative amplitude"), P("length_m", 0.10, 0.02, 1.0, "m", "period")),
     ),
     "x_belly_suction": Effect(
         "lifting the belly off dense grains has to break a seal",
@@ -207,7 +204,7 @@ DRAWN = (
     "swimming_thrust",
     "leg_slip",
 )
-"""The effects among which `draw_world` draws by default."""
+"""The effects among which `draw_world` draws."""
 
 
 def checked_effect(name: object, given: object, where: str) -> dict[str, float]:

@@ -14,8 +14,7 @@ class LabParameters:
     world: str = parameter("", doc="sealed world file; empty: the null world")
     cameras: str = parameter("", doc="cameras file; empty: the project's own")
     robot: str = parameter(
-        "",
-        doc="robot file; empty: SandBot. A robot in /trial takes precedence over it, and one in the world over both",
+        "", doc="robot file; empty: SandBot. A robot in /trial takes precedence over it, and one in the world over both"
     )
     seed: int = parameter(1, doc="random seed of the bed", low=0, high=2**62)
     trial_seed: int = parameter(1, doc="random seed of the next trial", low=0, high=2**62)

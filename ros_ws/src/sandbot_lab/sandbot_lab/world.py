@@ -4,9 +4,8 @@ world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angle
 """
 
 import dataclasses
-import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -256,14 +255,9 @@ def draw_additional(world: World, seed: int) -> World:
     return dataclasses.replace(world, effects={**world.effects, name: values})
 
 
-def draw_world(seed: int, among: Iterable[str] | None = None) -> World:
-    """The null world plus one effect drawn from ``among`` (default `DRAWN`), strong enough to be identified."""
-    names = tuple(DRAWN if among is None else among)
-    if not names:
-        raise InputError("among: no effect to draw from")
-    for name in names:
-        checked_effect(name, {}, "among")
-    name, values = _drawn(seed, names, _STRENGTH)
+def draw_world(seed: int) -> World:
+    """The null world plus one effect drawn from `DRAWN`, strong enough to be identified."""
+    name, values = _drawn(seed, DRAWN, _STRENGTH)
     if name == "exact_leg_arc":
         return World(k_knots_n_per_m=_ARC_STIFFNESS, effects={name: values})
     return World(effects={name: values})
@@ -277,9 +271,5 @@ def _drawn(
     values = EFFECTS[name].defaults()
     for key, (low, high) in strength.get(name, {}).items():
         # Three significant figures are easier to read when the file is unsealed.
-        values[key] = _three_figures(float(rng.uniform(low, high)))
+        values[key] = float(f"{rng.uniform(low, high):.3g}")
     return name, values
-
-
-def _three_figures(value: float) -> float:
-    return round(value, 2 - math.floor(math.log10(abs(value))))

@@ -21,7 +21,7 @@ SET_NS = NANO
 OLDER = 2
 """Frames in a row, each older than the newest, that are no frames out of order but a clock that went back."""
 EARLY_NS = NANO // 20
-"""A frame that arrives earlier after its stamp than all before, by more than this, is of a clock that went ahead."""
+"""The clock went ahead if a frame arrives sooner after its stamp than every earlier one, by more than this."""
 DRIFT = 1e-4
 """Largest relative drift between two clocks."""
 

@@ -73,10 +73,7 @@ class MarkerTracker:
     """
 
     def __init__(
-        self,
-        names: Sequence[str],
-        spacing_px: float | None = None,
-        ignore_px: Sequence[tuple[int, int, int, int]] = (),
+        self, names: Sequence[str], spacing_px: float | None = None, ignore_px: Sequence[tuple[int, int, int, int]] = ()
     ) -> None:
         if not names or len(set(names)) != len(names):
             raise InputError(f"marker names {list(names)}: at least one and all different are needed")

@@ -137,11 +137,7 @@ class OfflineTracker:
     """
 
     def __init__(
-        self,
-        cameras: Mapping[str, Camera],
-        robot: Robot = SANDBOT,
-        omega_rad_s: float | None = None,
-        keep: bool = True,
+        self, cameras: Mapping[str, Camera], robot: Robot = SANDBOT, omega_rad_s: float | None = None, keep: bool = True
     ) -> None:
         if "dorsal" not in cameras:
             raise InputError(f"cameras {', '.join(cameras) or 'none'}: a dorsal one is needed")

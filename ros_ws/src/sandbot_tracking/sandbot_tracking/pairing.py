@@ -69,16 +69,13 @@ class Pairing(Generic[T]):
         if self._given_ns is not None and t_ns <= self._given_ns:
             if t_ns > self._given_ns - RESTART_NS:
                 self.late += camera == self._first
-                self._keep_past(t_ns, camera, item)
+                # A late view of the second camera is the last one before the next instant.
+                if camera == self._second and (not self._past or t_ns > self._past[-1][0]):
+                    self._pass((t_ns, item))
                 return []
             self._restart()
         insort(self._waiting[camera], (t_ns, item), key=_time)
         return self._ready()
-
-    def _keep_past(self, t_ns: int, camera: str, item: T) -> None:
-        """Keep a late view of the second camera as the last before the next instant."""
-        if camera == self._second and (not self._past or t_ns > self._past[-1][0]):
-            self._pass((t_ns, item))
 
     def _pass(self, *frames: tuple[int, T]) -> None:
         self._past = [*self._past, *frames][-2:]

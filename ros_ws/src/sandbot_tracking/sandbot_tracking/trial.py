@@ -54,6 +54,11 @@ class TrialSummary:
     reason: str
     """Why something is NaN; empty if nothing is."""
 
+    @classmethod
+    def of_nothing(cls, frames: int, gaps: int, reason: str) -> "TrialSummary":
+        """A trial of which nothing is measurable."""
+        return cls(*(np.nan,) * 5, frames, gaps, 0, reason)
+
     def __str__(self) -> str:
         """One line, in cm/s and mm."""
         numbers = (
@@ -96,11 +101,11 @@ def summarise(
     moving = t >= start_s
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
     if t.size < 2:
-        return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, "no frames")
+        return TrialSummary.of_nothing(frames, gaps, "no frames")
     try:
         edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + robot.leg_mount_rad, start_s)
     except NotMeasured as why:
-        return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
+        return TrialSummary.of_nothing(frames, gaps, str(why))
 
     reasons: list[str] = []
     first = _first_step(t, x, edges, early, reasons)

@@ -119,7 +119,7 @@ def track(
     start = start_s if start_s is not None else led_s if led_s is not None else 0.0
     summary = None if omega_rad_s is None else observables(marks, omega_rad_s, start, walker)
     if summary is not None and films.moved:
-        summary = TrialSummary(*(np.nan,) * 5, summary.frames, summary.gaps, 0, "a camera has moved")
+        summary = TrialSummary.of_nothing(summary.frames, summary.gaps, "a camera has moved")
     seen = marks.t_s, marks.com, marks.front_axle, marks.rear_axle
     return Track(*seen, speed.v, np.sqrt(speed.var), start, summary, films.timing, films.moved)
 

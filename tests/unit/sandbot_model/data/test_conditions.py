@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
-from sandbot_model.data.conditions import (
-    cells_of,
-    noise_floor,
-)
+from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, from_rows
 

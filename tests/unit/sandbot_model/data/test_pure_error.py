@@ -70,12 +70,7 @@ def test_the_order_of_cells_does_not_matter(order):
 
 def test_no_replicates_no_error():
     error = pure_error(
-        np.zeros((5, 4)),
-        np.arange(5),
-        np.ones((5, 4), dtype=int),
-        np.ones(5, dtype=bool),
-        np.arange(1.0, 6),
-        SCALE,
+        np.zeros((5, 4)), np.arange(5), np.ones((5, 4), dtype=int), np.ones(5, dtype=bool), np.arange(1.0, 6), SCALE
     )
     assert np.isnan(error.sd).all()
     assert (error.dof == 0).all()

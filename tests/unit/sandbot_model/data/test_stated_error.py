@@ -33,10 +33,7 @@ def pooled(stated, omega=None):
 
 def test_a_row_without_a_replicate_number_states_its_error_and_a_trial_does_not():
     variance, dof, behind, of_phi = bars(
-        3.0,
-        replicate=[NAN, 1.0, NAN, NAN],
-        speed_sd_m_s=[0.01, 0.01, NAN, 0.02],
-        phi_sd=[NAN, NAN, 0.001, 0.002],
+        3.0, replicate=[NAN, 1.0, NAN, NAN], speed_sd_m_s=[0.01, 0.01, NAN, 0.02], phi_sd=[NAN, NAN, 0.001, 0.002]
     )
     np.testing.assert_allclose(variance, [0.01**2, NAN, NAN, 0.02**2])
     assert (dof == TRIALS_BEHIND - 1).all()

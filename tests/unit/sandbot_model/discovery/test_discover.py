@@ -277,27 +277,3 @@ def test_the_catalogue_on_the_command_line(tmp_path, capsys):
     assert "disturbed_ground" in capsys.readouterr().out
     named = [one["effect"] for one in json.loads(out.read_text())["effects"]]
     assert named == list(catalogue())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--effects", "overlap"], "not in the catalogue"),
-        (["--model", "best"], "invalid choice"),
-        (["--effects-from", "none.py"], "no such file"),
-    ],
-)
-def test_bad_arguments_are_one_line_and_exit_2(table, tmp_path, capsys, arguments, message):
-    out = tmp_path / "out.json"
-    assert compare_tool.main([str(table), *arguments, "--json", str(out)]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not out.exists()
-
-
-def test_bad_data_is_one_line_and_exit_2(tmp_path, capsys):
-    path = tmp_path / "bad.csv"
-    path.write_text("phi,omega_rad_s\n0.6,8\n")
-    assert discover_tool.main([str(path)]) == 2
-    assert "speed_m_s" in capsys.readouterr().err

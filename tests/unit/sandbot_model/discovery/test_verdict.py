@@ -8,7 +8,17 @@ import pytest
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.candidates import nearly_claimed
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import Verdict, claim_threshold, earns_place, judge, next_best, p_of_test, passes
+from sandbot_model.discovery.verdict import (
+    Verdict,
+    claim_threshold,
+    earns_place,
+    judge,
+    look_alikes,
+    next_best,
+    overdispersion,
+    p_of_test,
+    passes,
+)
 from sandbot_model.fitting.goodness import Estimate
 
 CELLS = 20
@@ -102,6 +112,30 @@ def test_the_next_best_is_the_best_of_all_that_was_fitted_and_said_to_look_the_s
     assert next_best(fits, best, [made("c", deviance=62.0, at_bounds=("c.x",))]) == next_best(fits, best)
 
 
+def test_a_better_fit_that_nobody_believes_is_said_beside_the_next_best():
+    best, b = made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8)
+    fits = {fit.effects: fit for fit in (BASE, best, b, made("c", deviance=55.0, at_bounds=("c.x",)))}
+    assert next_best(fits, best) == "the next best, b, has ΔBIC 230 (c -5, but with c.x at or beyond its bound)"
+
+
+def test_where_cells_scatter_about_a_claim_more_must_be_clearly_worse():
+    scattered = made("a", deviance=60.0)
+    scattered.goodness.chi2 = 2.0 * scattered.goodness.dof
+    others = [made("b", deviance=75.0), made("c", deviance=85.0)]
+    for best, alike in ((made("a", deviance=60.0), []), (scattered, ["b"])):
+        fits = {fit.effects: fit for fit in (BASE, best, *others)}
+        assert [fit.effects[0] for fit in look_alikes(fits, best, (), Criteria())] == alike
+    assert claim_threshold(scattered) == pytest.approx(2.0 * claim_threshold(made("a", deviance=60.0)))
+    scattered.goodness.dof = 0
+    assert overdispersion(scattered) == 1.0
+
+
+def test_two_effects_that_come_together_must_gain_as_two():
+    fits = {(): made(deviance=100.0), ("a", "b"): made("a", "b", deviance=65.0)}
+    assert not earns_place(fits, ("a", "b"), ())
+    assert earns_place({**fits, (): made(deviance=115.0)}, ("a", "b"), ())
+
+
 def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_among_them():
     fits = BASE, made("a", deviance=60.0), made("b", deviance=65.0), made("c", deviance=80.0)
     found = judged(*fits)
@@ -137,6 +171,26 @@ def test_what_no_set_repairs_is_unexplained(monkeypatch):
     found = judged(BASE, made("a", deviance=200.0, p=1e-6))
     assert (found.status, found.effects) == ("unexplained", ())
     assert "the best set, a, still fails" in found.because
+
+
+def test_where_an_unexplained_model_fails_is_named_by_its_worst_mean_and_stage(monkeypatch):
+    stages = [SimpleNamespace(missed=True, p=1e-3, stage="step", connects="a to b"),
+              SimpleNamespace(missed=True, p=1e-6, stage="speed", connects="step to speed"),
+              SimpleNamespace(missed=False, p=1e-9, stage="depth", connects="k to lift")]  # fmt: skip
+    monkeypatch.setattr(verdict, "stage_tests", lambda _fit: stages)
+    base = made(deviance=300.0, p=1e-9)
+    base.fails = [SimpleNamespace(observable="speed", cell=0, omega_rad_s=8.0, z=-9.0)] * 2
+    assert judged(base).because.endswith(
+        "; 2 cell means are still missed, the worst speed at φ 0.600, ω 8 rad/s by 9.0 standard errors"
+        "; in the chain, speed (step to speed) fails most, p = 1e-06"
+    )
+
+
+def test_an_adequate_model_is_measured_against_what_was_given_as_error():
+    base = made(deviance=60.0)
+    assert "misses the cell means by no more than the scatter of replicates" in judged(base).because
+    base.cells.error_bars = True
+    assert "misses the cell means by no more than the error bars" in judged(base).because
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,18 @@
 
 import json
 import threading
+from dataclasses import replace
 
 import numpy as np
 
+from _drawn import table
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.observables import COLUMNS, Observable
+from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs
 from sandbot_record.bags.writer import BagWriter
-from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 
@@ -26,7 +27,8 @@ def suggestions_made():
             thread.join(60)
 
 
-def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), lift=True, effect=None):
+def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), columns=COLUMNS, effect=None):
+    """Trials with noise, of the base model or with an ``effect`` (name, parameters); only ``columns`` are measured."""
     rng = np.random.default_rng(1)
     phi, omega, replicate = (a.ravel() for a in np.meshgrid(phis, omegas, range(replicates), indexing="ij"))
     k = np.interp(phi, [0.58, 0.60, 0.633], [170, 185, 220])
@@ -34,21 +36,9 @@ def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 2
     walker = model_of("simple", (name,) if name else (), EFFECTS).walker
     values = walker.predict(Inputs(k, omega, 0.4, phi), [parameters] if name else []).observables
     values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
-    if not lift:
-        values[:, Observable.lift] = np.nan
-    return from_rows(
-        [
-            Row(
-                trial_id=f"t{i:02d}",
-                phi=float(phi[i] + rng.normal(0, 2e-4)),
-                omega_rad_s=float(omega[i]),
-                gait="UNIFORM",
-                replicate=float(replicate[i]),
-                **dict(zip(COLUMNS, values[i].tolist(), strict=True)),
-            )
-            for i in range(len(phi))
-        ]
-    )
+    values[:, [column not in columns for column in COLUMNS]] = np.nan
+    trials = table(phi + rng.normal(0, 2e-4, len(phi)), omega, replicate, values)
+    return replace(trials, trial_id=np.array([f"t{i:02d}" for i in range(len(phi))]))
 
 
 PACE = 8.0

@@ -3,6 +3,7 @@
 import json
 import shlex
 import socket
+from pathlib import Path
 
 import bags
 import pytest
@@ -20,6 +21,12 @@ from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.read import read
 
 
+@pytest.fixture(autouse=True)
+def _in_a_folder_with_trials(trials, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_csv(trials, tmp_path / "trials.csv")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "selection",
@@ -29,20 +36,19 @@ from sandbot_record.trials.read import read
     ],
     ids=["effects", "formula and a held value"],
 )
-def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_path, capsys, selection):
+def test_compare_gives_the_very_numbers_that_were_saved(session, trials, capsys, selection):
     """By the file, and by the command line that stands in it."""
-    write_csv(trials, tmp_path / "trials.csv")
-    again = cells_of(read(tmp_path / "trials.csv"))
-    saved = Explorer(Session(again, Inline()), trials, [tmp_path / "trials.csv"], "test").saved(selection)
-    (tmp_path / "explorer.yaml").write_text(saved, encoding="utf-8")
+    again = cells_of(read(Path("trials.csv")))
+    saved = Explorer(Session(again, Inline()), trials, [Path("trials.csv")], "test").saved(selection)
+    Path("explorer.yaml").write_text(saved, encoding="utf-8")
     content = yaml.safe_load(saved)
     commands = (
-        [str(tmp_path / "trials.csv"), "--selection", str(tmp_path / "explorer.yaml")],
+        ["trials.csv", "--selection", "explorer.yaml"],
         shlex.split(content["command"])[1:],
     )
     for arguments in commands:
-        assert compare_tool.main([*arguments, "--json", str(tmp_path / "out.json")]) == 0
-        last = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["steps"][-1]
+        assert compare_tool.main([*arguments, "--json", "out.json"]) == 0
+        last = json.loads(Path("out.json").read_text(encoding="utf-8"))["steps"][-1]
         for name in ("rmse_m_s", "cv_rmse_m_s"):
             expected = content["result"][name]
             assert last[name] == (expected if expected is None else pytest.approx(expected, rel=1e-9))
@@ -64,13 +70,9 @@ def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_pat
         (["--selection", "trials.csv"], "trials.csv"),
     ],
 )
-def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(
-    arguments, said, trials, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    write_csv(trials, tmp_path / "trials.csv")
+def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(arguments, said, trials, capsys):
     for name, chosen in (("explorer", Selection()), ("held", Selection().held("delta_t_s", 0.3))):
-        (tmp_path / f"{name}.yaml").write_text(to_yaml(chosen, ["trials.csv"], {}), encoding="utf-8")
+        Path(f"{name}.yaml").write_text(to_yaml(chosen, ["trials.csv"], {}), encoding="utf-8")
     assert compare_tool.main(["trials.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
@@ -86,39 +88,34 @@ def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(
         (["--beside", "absent.csv"], "absent.csv: no such file"),
     ],
 )
-def test_the_command_line_refuses_in_one_line(arguments, said, trials, tmp_path, capsys, monkeypatch):
-    write_csv(trials, tmp_path / "trials.csv")
-    monkeypatch.chdir(tmp_path)
+def test_the_command_line_refuses_in_one_line(arguments, said, trials, capsys):
     assert explore_tool.main(["trials.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
 
 
 def test_data_beside_of_another_robot_are_refused_in_one_line(trials, tmp_path, capsys):
-    write_csv(trials, tmp_path / "trials.csv")
     plan = bags.PLAN | {"robot": {"leg_radius_m": 0.05}}
     other = bags.trial_bag(tmp_path / "other", plan=plan)
-    assert explore_tool.main([str(tmp_path / "trials.csv"), "--beside", str(other), "--workers", "1"]) == 2
+    assert explore_tool.main(["trials.csv", "--beside", str(other), "--workers", "1"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "trials of another robot than DATA (leg_radius_m 0.05 and 0.0355)" in line
 
 
-def test_a_port_in_use_is_said_in_one_line_and_before_anything_is_read(trials, tmp_path, capsys, monkeypatch):
+def test_a_port_in_use_is_said_in_one_line_and_before_anything_is_read(trials, capsys, monkeypatch):
     monkeypatch.setattr(explore_tool._Servers, "read", lambda _: pytest.fail("read"))
-    write_csv(trials, tmp_path / "trials.csv")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        assert explore_tool.main([str(tmp_path / "trials.csv"), "--port", port, "--workers", "1"]) == 2
+        assert explore_tool.main(["trials.csv", "--port", port, "--workers", "1"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"--port {port}" in line
 
 
 @pytest.mark.parametrize("order", [[], ["--effects", "boost,leg_slip"]], ids=["alone", "in an order"])
-def test_a_formula_typed_for_compare_is_added(order, trials, tmp_path, capsys):
-    write_csv(trials, tmp_path / "trials.csv")
-    typed = ["--effect", BOOST, "--json", str(tmp_path / "out.json")]
-    assert compare_tool.main([str(tmp_path / "trials.csv"), *order, *typed]) == 0
-    steps = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["steps"]
+def test_a_formula_typed_for_compare_is_added(order, trials, capsys):
+    typed = ["--effect", BOOST, "--json", "out.json"]
+    assert compare_tool.main(["trials.csv", *order, *typed]) == 0
+    steps = json.loads(Path("out.json").read_text(encoding="utf-8"))["steps"]
     assert [step["effects"] for step in steps][1] == ["boost"]
     assert len(steps) == 1 + len((order[1:] and ["boost", "leg_slip"]) or ["boost"])
     assert "+ boost" in capsys.readouterr().out
@@ -131,11 +128,10 @@ def test_a_formula_that_is_off_is_not_in_the_saved_command_line():
     assert "--effect" in shlex.split(yaml.safe_load(to_yaml(on, ["t.csv"], {}))["command"])
 
 
-def test_the_page_opens_with_the_formula_that_was_typed(trials, tmp_path, monkeypatch):
-    write_csv(trials, tmp_path / "trials.csv")
+def test_the_page_opens_with_the_formula_that_was_typed(trials, monkeypatch):
     opened = []
     monkeypatch.setattr(explore_tool, "_serve", lambda desk, *_: opened.append(desk.query))
-    assert explore_tool.main([str(tmp_path / "trials.csv"), "--effect", BOOST, "--workers", "1"]) == 0
+    assert explore_tool.main(["trials.csv", "--effect", BOOST, "--workers", "1"]) == 0
     assert from_query(opened[0]) == Selection(effects=("boost",), formulas=(BOOST,))
 
 
@@ -148,8 +144,7 @@ def test_the_page_opens_with_the_formula_that_was_typed(trials, tmp_path, monkey
         (["--efects", "leg_slip"], "no option --efects, did you mean '--effects'?"),
     ],
 )
-def test_a_misspelt_name_is_answered_with_the_one_that_may_be_meant(arguments, said, trials, tmp_path, capsys):
-    write_csv(trials, tmp_path / "trials.csv")
-    assert compare_tool.main([str(tmp_path / "trials.csv"), *arguments]) == 2
+def test_a_misspelt_name_is_answered_with_the_one_that_may_be_meant(arguments, said, trials, capsys):
+    assert compare_tool.main(["trials.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line

@@ -45,7 +45,7 @@ def test_every_view_has_a_figure(session, view):
 
 
 def test_a_view_that_the_data_can_not_fill_says_why():
-    session = Session(cells_of(made_up_trials(lift=False)), Inline())
+    session = Session(cells_of(made_up_trials(columns=("speed_m_s", "peak_speed_m_s", "first_step_m"))), Inline())
     for selection in (Selection(view="lock"), Selection(view="residuals", observable="lift")):
         (said,) = views.show(session, selection, LIGHT).figure["layout"]["annotations"]
         assert "not measured" in said["text"]

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
@@ -21,11 +22,8 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.discovery.verdict import Verdict, claim_threshold
 from sandbot_model.fitting.goodness import Fail
-from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.typeset import mathml_lines, plain
-from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import atlas_section, text, write_comparison, write_report
 from sandbot_model.report.curves import steps
 from sandbot_model.report.data_section import cells_csv, data, json_download
@@ -36,29 +34,6 @@ from sandbot_model.report.supplement import methods
 from sandbot_model.report.table_sections import _added, _formulas, failing
 from sandbot_model.report.view import Provenance, Step
 from sandbot_model.tools.tables import fails, ladder
-from sandbot_record.trials.table import Row, from_rows
-
-EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
-
-
-def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), columns=COLUMNS, seed=1):
-    """Trials of the base model with noise; columns not named are not measured."""
-    rng = np.random.default_rng(seed)
-    phi, omega, replicate = (a.ravel() for a in np.meshgrid(phis, omegas, range(replicates), indexing="ij"))
-    k = np.interp(phi, [0.58, 0.60, 0.633], [170, 185, 220])
-    walker = model_of("simple", (), EFFECTS).walker
-    values = walker.predict(Inputs(k, omega, 0.4, phi)).observables
-    values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0004, 0.008, 0.002]
-    measured = {
-        name: column if name in columns else np.full(len(phi), np.nan)
-        for name, column in zip(COLUMNS, values.T, strict=True)
-    }
-    phi = phi + rng.normal(0, 2e-4, len(phi))
-    rows = [
-        Row(f"trial_{i:03d}", phi[i], omega_rad_s=omega[i], gait="UNIFORM", replicate=replicate[i])
-        for i in range(len(phi))
-    ]
-    return replace(from_rows(rows), **measured)
 
 
 @pytest.fixture(scope="module")
@@ -408,7 +383,7 @@ def test_excluded_trials_are_named_with_the_reason(trials, fits):
     speed_m_s = np.where(np.arange(len(trials.phi)) == 3, np.nan, trials.speed_m_s)
     torn = replace(trials, speed_m_s=speed_m_s, status=np.array(["ok", "aborted", *trials.status[2:]]))
     found = provenance(torn, fits[0].cells)
-    assert found.excluded == (("trial_001", "status: aborted"), ("trial_003", "speed_m_s not measured"))
+    assert found.excluded == (("t01", "status: aborted"), ("t03", "speed_m_s not measured"))
     assert provenance(trials, fits[0].cells).excluded == ()
 
 

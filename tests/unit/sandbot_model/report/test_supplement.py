@@ -52,11 +52,7 @@ def said(monkeypatch, opened, command="ros2 run x"):
 
 @pytest.mark.parametrize(
     ("opened", "words"),
-    [
-        (bag(), "A virtual lab"),
-        (bag("live", lab=True), "behind live nodes"),
-        (bag("live"), "no virtual lab appears"),
-    ],
+    [(bag(), "A virtual lab"), (bag("live", lab=True), "behind live nodes"), (bag("live"), "no virtual lab appears")],
 )
 def test_a_virtual_lab_is_called_one_and_nothing_else_is(monkeypatch, opened, words):
     told = said(monkeypatch, opened)

@@ -113,10 +113,8 @@ def test_flushed_by_log_time(tmp_path):
 
 @pytest.mark.parametrize("split", [Split(size=50_000), Split(seconds=0.1)])
 def test_split(tmp_path, split):
-    names = []
-    bag = bags.legs_bag(tmp_path / "b", split=split, chunk_size=5000, on_split=names.append)
-    files = sorted(bag.glob("*.mcap"))
-    assert len(files) == len(names) + 1 >= 3
+    bag = bags.legs_bag(tmp_path / "b", split=split, chunk_size=5000)
+    assert len(list(bag.glob("*.mcap"))) >= 3
     with Reader(bag) as reader:
         assert sum(1 for _ in reader.messages()) == reader.message_count == 500
     assert Bag.open(bag).columns("/leg_states", "position")["position"][:, 0].tolist() == list(range(500))

@@ -62,6 +62,10 @@ def test_what_falls_silent_is_named_with_its_time(tmp_path, topic, start_s, end_
     )  # a few frames hidden are no loss
 
 
+def test_legs_that_fall_silent_are_named_without_set_points_too(tmp_path):
+    assert status(tmp_path, kept=within(topics.LEG_STATES, 2.0, 2.4)).startswith("robot: no leg states for 0.4")
+
+
 def test_a_landmark_that_is_not_a_number_is_not_seen(tmp_path):
     stamps = [bags.T0 + 300_000_000 + round(t_s * 1e9) for t_s in (1.1, 1.2, 1.3)]
     unseen = [(topics.COM, 1.0, messages.point(stamp, (np.nan,) * 3)) for stamp in stamps]

@@ -139,9 +139,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_crew(parser, "run the trials of --batch")
     parser.add_argument(
-        "--redo",
-        choices=("failed",),
-        help="run again, once, what is not ok; its bags are kept in trials/.partial",
+        "--redo", choices=("failed",), help="run again, once, what is not ok; its bags are kept in trials/.partial"
     )
     _add_until(parser)
     parser.add_argument(

@@ -42,12 +42,7 @@ LAST_DOMAIN = 232
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
-def run(
-    make: Callable[[], Node],
-    argv: Sequence[str] | None = None,
-    *,
-    frames: bool = False,
-) -> int:
+def run(make: Callable[[], Node], argv: Sequence[str] | None = None, *, frames: bool = False) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run.
 
     ``frames``: whether the node publishes camera frames, which need more shared memory.

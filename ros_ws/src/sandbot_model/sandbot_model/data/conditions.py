@@ -59,8 +59,6 @@ class Cells:
     """Cells whose own scatter is used, not the pooled one, (n,) (see ``pure_error``)."""
     phi_scatter: float
     """Standard deviation of measured φ among replicates: how well the bed meets its target."""
-    phi_reliability: float
-    """Share ρ of the measured deviation of φ that is real (see ``covariate``)."""
     trials: int
     excluded: int = 0
     pressed: Pressed | None = None
@@ -82,7 +80,7 @@ class Cells:
     batch_order: Floats | None = None
     """The same of a cell's trials in each batch, (n, batches); NaN without any."""
     two_groups: TwoGroups | None = None
-    """The split of the trials that removes most of the scatter of replicates, if that is questioned."""
+    """The split of the trials that removes most of the scatter of replicates, if that scatter is suspicious."""
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -202,7 +200,7 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     walking = walks(cells.means(values))
     values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     rounding = rounding_sd(values)
-    values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi, walking)
+    values = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi, walking)
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
     shape = np.where(np.arange(len(Observable)) == Observable.lift, 1.0, mean)
@@ -213,10 +211,10 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     error = with_stated(of_replicates, bars, walking, cells.mean(omega), usual)
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
+    questioned = far_apart(error.sd, usual).sum() >= AGREEING
     names = tuple(np.unique(trials.gait)[keys[1]].tolist())
     position = _run_position(trials.run_order)
     share, by_batch, batch_order = _by_batch(batch, values, position, cells)
-    usual_cell, questioned = ~error.own[cell], far_apart(error.sd, usual).sum() >= AGREEING
     return Cells(
         phi=cell_phi,
         omega=cells.mean(omega),
@@ -224,7 +222,6 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
         clock=clock(names),
         level=keys[0],
         level_phi=level_phi,
-        phi_reliability=rho,
         phi_scatter=_pooled_sd(phi - cell_phi[cell], len(phi) - cells.count),
         n=count,
         mean=mean,
@@ -241,12 +238,13 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
         batch_mean=by_batch,
         order=None if position is None else cells.mean(position),
         batch_order=batch_order,
-        two_groups=two_groups(
-            residual[usual_cell], cell[usual_cell], trials.trial_id[usual_cell], trials.run_order[usual_cell]
-        )
-        if questioned
-        else None,
+        two_groups=_two_groups(trials, residual, cell, ~error.own[cell]) if questioned else None,
     )
+
+
+def _two_groups(trials: Trials, residual: Floats, cell: Ints, some: NDArray[np.bool_]) -> TwoGroups | None:
+    """Two groups into which ``some`` trials fall by their ``residual (trials, 4)`` about their cell means."""
+    return two_groups(residual[some], cell[some], trials.trial_id[some], trials.run_order[some])
 
 
 def _by_batch(
@@ -279,15 +277,15 @@ def _run_position(order: Floats) -> Floats | None:
 
 def _at_level_phi(
     values: Floats, from_level: Floats, from_cell: Floats, cells: _Groups, keys: Ints, level_phi: Floats, walking: Bools
-) -> tuple[Floats, float]:
-    """Values ``(trials, 4)`` corrected to their level's φ, and the share of φ's deviations that is real.
+) -> Floats:
+    """Values ``(trials, 4)`` corrected to their level's φ.
 
     ``from_level``, ``from_cell (trials,)`` are the deviations of φ from its level's mean and from its cell's.
     """
     mean = cells.means(values)
     slope = local_slope(mean, keys, level_phi, walking)[cells.index]
     rho = reliability(values - mean[cells.index], slope * from_cell[:, None])
-    return values - rho * slope * from_level[:, None], rho
+    return values - rho * slope * from_level[:, None]
 
 
 def _covariance_of_means(covariance: Floats, count: Ints, usual: Floats) -> Floats:

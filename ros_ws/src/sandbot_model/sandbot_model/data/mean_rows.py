@@ -9,7 +9,7 @@ import numpy as np
 from sandbot_common.arrays import Floats, Ints
 
 BY_CHANCE = 1e-3
-"""Chance that as many trials equal the means of others, below which they are no trials."""
+"""Rows are means, not trials, if chance makes so many of them equal the means of others less often than this."""
 LEAST_ROWS = 4
 """Rows from which one can be the mean of all others."""
 

@@ -14,12 +14,12 @@ from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.data.distributions import chi2_ppf, f_sf
 
 BATCHES_DIFFER = 1e-3
-"""p-value below which replicates of different batches differ by more than those of one, so that this is not noise."""
+"""p-value below which batches count as different: their replicates differ by more than those of one batch."""
 SINGULAR = 1e-9
 """Variance, in that of the best known combination of batch terms, below which one is not determined."""
 EXCESS = 1e-3
-"""p-value below which a cell scatters more than the others, so that its own scatter is used: near the switch between
-walking and swimming a set-point error flips single replicates, and the cell must not pass as precise."""
+"""p-value below which a cell scatters more than the others, and its own scatter is used: near the switch between
+walking and swimming a set-point error flips single replicates, and such a cell is not precise."""
 LEAST_DOF = 3
 """Degrees of freedom below which a regime's scatter is taken from both regimes together."""
 FEW_REPLICATES = LEAST_FOR_TREND = 12

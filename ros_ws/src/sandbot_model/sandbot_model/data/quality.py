@@ -29,7 +29,7 @@ FAR_TOO_FAR = 3.0
 """The ratio beyond which a table is refused: a wrong unit gives at least 2π (Hz for rad/s). Smaller ratios may be due
 to another robot, which the verdict doubts (``plausibility``)."""
 SLIPS = 0.1
-"""Share of such values up to which they are named as slips in single trials, and not refused as a wrong unit."""
+"""Share of such values up to which they are reported as slips in single trials; more are refused as a wrong unit."""
 LIMITS = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
 """Kinematic limits of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
 steps take a period 2π/ω. It lifts the body from lying on its belly to standing on the legs; and a foot that does not

@@ -19,7 +19,7 @@ SURE_LIFT_M = 4 * WALKING_LIFT_M
 WALKING_SPEED_M_S = 0.035
 """Clearly faster than swimming (Li09: 0.02 m/s)."""
 HELD_M = 0.01
-"""Least length by which a first step in which the ground held exceeds that of a swimmer."""
+"""A first step that is longer than a swimmer's by at least this was made on ground that held."""
 
 
 def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:

@@ -30,7 +30,7 @@ class TwoGroups:
 
 
 def far_apart(noise: Floats, usual: Floats) -> Bools:
-    """In which observables ``(4,)`` replicates scatter so far beyond a lab's ``usual`` that it is questioned."""
+    """In which observables ``(4,)`` replicates scatter suspiciously more than is ``usual`` in a lab."""
     return noise > FAR_APART * usual
 
 
@@ -56,7 +56,7 @@ def two_groups(residual: Floats, cell: Ints, names: NDArray[np.str_], run_order:
 def _within(column: Floats, cell: Ints) -> Floats:
     """Variance within conditions and groups ``(trials + 1,)`` if the first 0, 1, 2, … trials are the one group.
 
-    A trial that changes its group changes the means of its own cell only, so that all splits cost no more than one.
+    Moving a trial to the other group changes the means of its own cell only, so all splits together cost one pass.
     """
     measured = np.isfinite(column)
     explained, groups = np.zeros((2, len(column) + 1))

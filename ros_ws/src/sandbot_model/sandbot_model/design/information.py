@@ -19,10 +19,7 @@ def information(weights: Array, means: Array, covariances: Array) -> Array:
     """Bound on I [nat] ``(...)`` for explanations of ``weights (m,)``, ``means (..., m, n)``, ``covariances
     (..., m, n, n)``."""
     distance = bhattacharyya(
-        means[..., :, None, :],
-        means[..., None, :, :],
-        covariances[..., :, None, :, :],
-        covariances[..., None, :, :, :],
+        means[..., :, None, :], means[..., None, :, :], covariances[..., :, None, :, :], covariances[..., None, :, :, :]
     )
     return np.asarray(-np.log(np.exp(-distance) @ weights) @ weights)
 

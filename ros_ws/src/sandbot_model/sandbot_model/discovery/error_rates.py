@@ -19,6 +19,7 @@ from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, bat
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import ALONG, DRIFT
+from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.arrays import Array
@@ -27,8 +28,6 @@ from sandbot_model.physics.gait import clock
 from sandbot_model.physics.observables import COLUMNS, Observable, shared_variance
 from sandbot_record.trials.table import Trials
 
-NAMES_EFFECTS = ("identified", "partial", "ambiguous")
-"""Verdicts that name effects."""
 CONFIDENCE = 0.95
 
 

@@ -49,8 +49,8 @@ class Legs:
 
 
 def instead_of_a_reading(search: EffectSearch, named: Fit) -> Legs | None:
-    """Legs that explain as much as a zero or scale beyond ``SUSPECT``, even if its prior did not count; None if there
-    is no such zero or scale, or if legs explain less."""
+    """Legs of another radius in place of a zero or scale beyond ``SUSPECT``, if they explain as much as these do
+    without their priors; else None."""
     own = named.nuisances
     off = 0.0 if own is None else sum(cost for cost in _costs(named) if cost > SUSPECT**2)
     legs = _with_free_radius(search, named, own) if own is not None and off else None
@@ -58,8 +58,8 @@ def instead_of_a_reading(search: EffectSearch, named: Fit) -> Legs | None:
 
 
 def instead_of_effects(search: EffectSearch, found: Judged) -> str:
-    """One clause: legs with which fewer effects explain as much as what is claimed, or which explain data that nothing
-    else does; empty if there are none, or ``_may_be_legs`` says no."""
+    """Legs of another radius, in one clause, if with them fewer effects explain as much as the claim, or if they
+    explain what no set does; else empty."""
     claimed = found.verdict.alternatives if found.verdict.status in EXPLAINS_ALL else ()
     if claimed and not _may_be_legs(search, found):
         return ""
@@ -93,7 +93,7 @@ def _costs(fit: Fit) -> list[float]:
 
 
 def _with_free_radius(search: EffectSearch, fit: Fit, nuisances: Nuisances) -> Legs | None:
-    """The fit at its best radius; None if that is an end of what is tried, or if robot.yaml's does nearly as well."""
+    """The fit at its best radius; None if that is at an end of the range, or hardly better than robot.yaml's."""
     robots = list(_robots(search.cells.robot))
     models = [replace(fit.model, robot=robot) for robot in robots]
     fits = search.near(models, fit, nuisances)

@@ -18,8 +18,8 @@ from sandbot_model.physics.effect import Parameter
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
 ROUNDS = 4
-"""Values tried for each limit, and again beyond a step of the deviance; none is given if none of these is excluded by
-about as much as is asked."""
+"""Values tried for each limit, and again beyond a step of the deviance; there is no limit if none of them is excluded
+by about as much as asked."""
 AIMED_AT, ACCEPTED = 1.05, 1.3
 """√ of the rise of the deviance at which the next value aims, and up to which a limit is accepted, as a multiple of
 what is asked: below 1 it would be no limit."""
@@ -183,8 +183,8 @@ def _outwards(name: str, parameter: Parameter, base: float, free: Fit) -> Iterat
 
 
 def _not_made_to_vanish(search: EffectSearch, named: Fit, sides: Sequence[_Side]) -> list[_Side]:
-    """Those sides of which the usual strength and the end of the plausible range are excluded, as far as a second
-    parameter of the effect can make them vanish: a search from the neutral value may not find that."""
+    """The sides for which the effect is excluded at its usual strength and at the end of the plausible range, although
+    a second parameter could make it vanish there: a search from the neutral value may miss such a fit."""
     able = [side for side in sides if len(search.effects[side.name].parameters) > 1]
     far = [
         replace(side, tried=distance) for side in able for distance in (side.usual, side.room) if distance > side.tried

@@ -1,6 +1,6 @@
-"""Outliers without replicates: a trial that went wrong as the only one of its condition, so that no model explains it.
+"""Outliers without replicates: a trial that went wrong and is the only one of its condition, so no model fits it.
 
-If all other trials are explained without such trials, the verdict is that of the others, and says so.
+If a model explains all other trials, the verdict is on those, and says so.
 """
 
 import numpy as np

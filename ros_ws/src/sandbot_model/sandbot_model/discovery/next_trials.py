@@ -43,8 +43,8 @@ Condition = tuple[bool, float, float]
 
 @dataclass(frozen=True)
 class NextTrial:
-    """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
-    ``replicates`` separate them, of it or of all those proposed together (``next_trials``).
+    """A measurement worth making. It ``separates`` two sets by ``expected_gap_sd`` standard deviations of one
+    replicate; ``replicates`` of it, together with the others proposed, settle which of them holds (``next_trials``).
 
     ``observable`` is the name of an ``Observable``, for a trial at ``omega_rad_s`` in a ``gait`` (empty if that is not
     known by name), or ``PENETRATION``, for a reading at ``depth_m``.
@@ -91,10 +91,10 @@ class Proposed(NamedTuple):
 def next_trials(contenders: Sequence[Fit], criteria: Criteria = DEFAULT) -> list[NextTrial]:
     """The most informative measurements, best first, no two at the same condition; empty if none separates the sets.
 
-    They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap beyond
-    ``SETTLED_SD`` does not count, so that a pair that is easily separated does not take all of them. All that separate
-    a pair share the replicates that this takes. One that alone would need more replicates than there are trials is not
-    within reach. Nor are those of a pair of which one set, refitted, could explain all that is chosen.
+    They are chosen greedily: each adds most to the separation of all pairs by those chosen before it. A gap counts only
+    up to ``SETTLED_SD``, so that a pair that is easily separated does not take all of them. The replicates needed for a
+    pair are shared among its measurements. A measurement that would need more replicates than there are trials is out
+    of reach; so are those of a pair if one of its sets, refitted, could explain all that are chosen.
     """
     if len(contenders) < 2:
         return []
@@ -109,18 +109,16 @@ def trials_to_exclude(base: Fit, unseen: Sequence[Fit]) -> Proposed:
     predicted, within_reach = Predicted.by(base), base.cells.trials
     pairs = {other.effects[0]: between(predicted, Predicted.by(other)) for other in unseen}
     least = {name: min((trial.replicates for trial in trials), default=math.inf) for name, trials in pairs.items()}
-    chosen, hopeless = (
-        _chosen(list(pairs.values()), within_reach),
-        [name for name in least if least[name] > within_reach],
-    )
+    hopeless = [name for name in least if least[name] > within_reach]
+    chosen = _chosen(list(pairs.values()), within_reach)
     conditions = {trial.condition for trial in chosen}
     made = {name: [trial for trial in trials if trial.condition in conditions] for name, trials in pairs.items()}
     return Proposed(chosen, {name: own[0] for name, own in made.items() if own and name not in hopeless}, hopeless)
 
 
 def _chosen(pairs: Sequence[Sequence[NextTrial]], within_reach: int) -> list[NextTrial]:
-    """The most informative of the measurements that separate each pair, see ``next_trials``; none that alone would need
-    more replicates than are ``within_reach``."""
+    """The most informative of each pair's measurements (see ``next_trials``), without those that alone would need more
+    replicates than are ``within_reach``."""
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
@@ -133,7 +131,7 @@ def _chosen(pairs: Sequence[Sequence[NextTrial]], within_reach: int) -> list[Nex
 def _with_shared_replicates(
     chosen: Sequence[NextTrial], gaps: Sequence[Mapping[Condition, NextTrial]]
 ) -> list[NextTrial]:
-    """The trials with just so many replicates that all those that are to separate a pair do so by ``SETTLED_SD``."""
+    """The trials with as few replicates as separate each pair by ``SETTLED_SD``, all of its trials together."""
     of_pair = {trial.separates: gap for gap in gaps for trial in gap.values()}
 
     def replicates(of: NextTrial) -> int:
@@ -231,8 +229,8 @@ class Predicted:
 def _after_refitting(
     first: Predicted, second: Predicted, chosen: Sequence[NextTrial], within_reach: int, clearly: float
 ) -> list[NextTrial]:
-    """Of the chosen measurements those that are to separate this pair, the trials with so many replicates that a refit
-    of neither brings what all show below ``clearly``; no trials if that takes more than are ``within_reach``."""
+    """The chosen measurements of this pair, trials with as many replicates as leave a χ² of ``clearly`` even if either
+    set is refitted to them; no trials if that takes more replicates than are ``within_reach``."""
     own = [trial for trial in chosen if trial.separates == (first.name, second.name)]
     trials, readings = ([trial for trial in own if trial.kind == kind] for kind in ("trial", "reading"))
     others = [trial for trial in chosen if trial.kind == "trial" and trial not in own]

@@ -161,8 +161,8 @@ def _averaged(fit: Fit, criteria: Criteria, drift: Estimate | None) -> Fit:
 
 
 def _drift_of_replicates(fit: Fit, criteria: Criteria) -> Estimate | None:
-    """The drift of k by the contrasts between batches within cells, beside the prior; None where a drift costs little,
-    as in random order, or where these contrasts do not tell it."""
+    """The drift of k from the differences between batches within cells, and the prior; None if a drift does no harm, as
+    with trials in random order, or if these differences do not show it."""
     order = fit.cells.batch_order
     if order is None or not run_in_order_of(fit.cells):
         return None

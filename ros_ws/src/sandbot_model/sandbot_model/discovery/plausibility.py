@@ -36,7 +36,7 @@ FAR_FROM_POPPY = 2.5
 PUSH_TOLERANCE = 0.03
 """Relative error of R from steps corrected for a push up to which the push is believed."""
 DIFFERENT, EQUAL = 0.12, 0.04
-"""Relative difference beyond which two radii count as different, and up to which they count as equal."""
+"""Relative difference above which two radii count as different, and below which they count as equal."""
 
 SPLIT_OFF = 0.9
 """Share of the variance of replicates that a split removes if they are of two robots; of a steady drift it is 3/4."""

@@ -61,7 +61,7 @@ from sandbot_model.fitting.profile import lowest_along
 LEADING = 6
 """Number of sets of each size, the best by BIC, that are refitted with nuisances."""
 PASSES = 2
-"""Fits of each set: the second takes in how precisely the first has determined its batch offsets."""
+"""Fits of each set: the second uses the precision of the batch offsets in the first."""
 LEAST_GAIN = 0.5
 """Decrease of the deviance from which a fit replaces an earlier one."""
 ROUGH_FACTOR = 1.5
@@ -114,8 +114,8 @@ def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Judged | None
 
 
 def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Judged | None:
-    """The refusal of a claim if, with nuisances, an effect of each of its sets only keeps a parameter of another effect
-    within its plausible range; else None."""
+    """The refusal of a claim if each of its sets, fitted with nuisances, has an effect that only keeps a parameter of
+    another one within its plausible range; else None."""
     fits, parts = dict(_refitted(search, [()], ALIKE)), set[Names]()
     for names in plain.alternatives:
         there = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)

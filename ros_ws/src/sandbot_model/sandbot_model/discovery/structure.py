@@ -22,7 +22,7 @@ from sandbot_model.fitting.nuisances import (
 from sandbot_model.physics.arrays import Array
 
 STRUCTURE = 0.005
-"""p-value of either test below which offsets count as structured, and not as a nuisance."""
+"""p-value of either test below which offsets count as structured."""
 LinearModel = tuple[Array, Array, Array, Array]
 """See ``_linear_model``."""
 DRAWS = 1000

@@ -41,8 +41,8 @@ def largest_shift(reported: Fit, hidden: Sequence[Fit]) -> Shift | None:
 
 
 def equally_simple(reported: Fit, hidden: Sequence[Fit]) -> list[Fit]:
-    """Of the effects that these fits hold, those without a parameter that would shift Δt by ``SHIFTS`` errors: another
-    formula in place of one of the model's, which nothing prefers to it but the data."""
+    """The hidden effects without parameters that would shift Δt by ``SHIFTS`` errors: each only puts another formula in
+    place of one of the model's, so neither is simpler."""
     return [fit for fit in hidden if not fit.model.held and _is_shifted(reported, fit)]
 
 

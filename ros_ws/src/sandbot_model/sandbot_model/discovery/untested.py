@@ -113,7 +113,7 @@ def grid_of(phi: Array, omega: Array) -> Array:
 def new_conditions(
     cells: Cells, grid: Array, count: int = CONDITIONS, separates: tuple[str, str] = SCATTER_OR_MISS
 ) -> list[NextTrial]:
-    """So many of the conditions ``grid (n, 2)``, spread as widely as possible between those run and each other."""
+    """``count`` of the conditions ``grid (n, 2)``, as far as possible from those already run and from each other."""
     run = _conditions(cells)
     chosen = _farthest(at := np.concatenate([run, grid]), list(range(len(run))), min(count, len(grid)))
     nearest = {one: int(np.argmin(_distance(at, [one])[: len(run)])) for one in chosen}
@@ -126,7 +126,7 @@ def _conditions(cells: Cells) -> Array:
 
 
 def _scaled(at: Array) -> Array:
-    """The same, each of them from 0 to 1."""
+    """The same conditions, with φ and ω each scaled to the range 0 to 1."""
     width = np.ptp(at, axis=0)
     return np.asarray((at - at.min(axis=0)) / np.where(width > 0, width, 1.0))
 
@@ -138,7 +138,7 @@ def _distance(at: Array, chosen: Sequence[int]) -> Array:
 
 
 def _farthest(at: Array, given: Sequence[int], count: int) -> list[int]:
-    """So many more conditions than those given, each as far as possible from all before it."""
+    """Indices of ``count`` conditions, each as far as possible from those ``given`` and from those chosen before it."""
     chosen: list[int] = []
     for _ in range(count):
         distance = _distance(at, [*given, *chosen])

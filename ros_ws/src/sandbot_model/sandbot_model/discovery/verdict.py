@@ -31,6 +31,8 @@ from sandbot_model.physics.variants import VARIANTS
 RESPONSE_TIME = "delta_t_s"
 EXPLAINS_ALL = ("identified", "ambiguous")
 """Statuses by which effects of the catalogue explain all data."""
+NAMES_EFFECTS = (*EXPLAINS_ALL, "partial")
+"""Statuses that name effects."""
 INCOMPLETE = ("partial", "unexplained")
 """Statuses that leave part of the data unexplained."""
 CONVENTION_COUNT = sum(map(len, VARIANTS.values()))

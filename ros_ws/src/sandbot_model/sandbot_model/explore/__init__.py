@@ -4,7 +4,7 @@ The user's selection (``discovery.choice``) is kept in the address of the page.
 
 app            the callbacks; wiring: their inputs and outputs
 controls       the page; effect_list, suggestion, cell_trials: parts of it; blocks, static_html: building blocks
-views          a selection as figure, ladder, captions; sheet: as CSV; highlight, condition: the chosen cell
+views          a selection as figure, ladder, captions; highlight, condition: the chosen cell
 actions        the effect of each control on the selection
 session        fits, cached and prefetched; previews: which effects help; job: discoveries, one at a time
 cards_page, why_page, atlas_page   all effects; argument for a verdict; the paper's figures; requested: their address

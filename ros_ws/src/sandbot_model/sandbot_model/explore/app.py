@@ -33,12 +33,12 @@ from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
-from sandbot_model.explore.sheet import sheet
 from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.fitting.text import counted
 from sandbot_model.report import waveforms
+from sandbot_model.report.data_section import cells_csv
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
 from sandbot_record.trials.table import Trials
@@ -261,7 +261,8 @@ class Explorer:
             selection = from_query(search or "")
             if ctx.triggered_id == "save-csv":
                 steps, current = self.session.ladder(selection), self.session.step(selection)
-                return {"content": sheet(steps, current, selection.by_hand), "filename": "cells.csv"}
+                content = cells_csv((*steps, current) if selection.by_hand else steps)
+                return {"content": content, "filename": "cells.csv"}
             return {"content": self.saved(selection), "filename": "explorer.yaml"}
         except InputError:
             raise PreventUpdate from None

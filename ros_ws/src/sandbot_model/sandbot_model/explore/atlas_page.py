@@ -10,19 +10,14 @@ from flask import Flask, Response, abort
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
+from sandbot_model.explore.requested import head, held_values_note, model_only, requested_selection, serve
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
 from sandbot_model.report.atlas.plates import PLATES, as_svg
-from sandbot_model.report.page import source
 from sandbot_record.trials.table import Trials
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
-<title>Atlas: {title}</title><style>{style}</style></head>
-<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
+PAGE = """{head}<h1>{title}</h1>
 <p>The figures of Li et al. 2009 from these trials. Model: {model}. {held_values_note}</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
@@ -42,20 +37,16 @@ class AtlasPage:
 
     def serve(self, server: Flask) -> None:
         """Register both addresses with the explorer's server."""
-        server.add_url_rule("/atlas", "atlas", self.page)
-        server.add_url_rule("/atlas/<stem>.svg", "plate", self.plate)
+        serve(server, {"/atlas": self.page, "/atlas/<stem>.svg": self.plate})
 
     def page(self) -> Response:
         """All plates; one that can't be drawn from these data is replaced by the reason."""
-        try:
-            asked = requested_selection()
-            selection = model_only(asked)
-            model = self._session.ladder(selection)[-1].whole_label
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        asked = requested_selection()
+        selection = model_only(asked)
+        model = self._session.ladder(selection)[-1].whole_label
         shown = "".join(self._figure(plate, selection) for plate in PLATES)
         content = PAGE.format(
-            title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
+            head=head(title := f"Atlas: {self._title}", to_query(asked)), title=escape(title),
             model=escape(model), held_values_note=escape(held_values_note(asked)), plates=shown,
         )  # fmt: skip
         return Response(content, mimetype="text/html")
@@ -65,10 +56,7 @@ class AtlasPage:
         plate = next((p for p in PLATES if p.stem == stem), None)
         if plate is None:
             abort(404)
-        try:
-            return Response(self._plate(plate, model_only(requested_selection()))[0], mimetype="image/svg+xml")
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        return Response(self._plate(plate, model_only(requested_selection()))[0], mimetype="image/svg+xml")
 
     def _figure(self, plate: Plate, selection: Selection) -> str:
         number = f"Fig. {plate.number} of the paper"

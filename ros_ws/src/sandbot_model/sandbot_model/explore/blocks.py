@@ -9,11 +9,7 @@ from sandbot_model.explore.views import Pane
 from sandbot_model.report.page import data_uri
 from sandbot_model.report.theme import Spec
 
-GRAPH = {
-    "displaylogo": False,
-    "responsive": True,
-    "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]],
-}
+GRAPH = {"displaylogo": False, "responsive": True, "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]]}
 FORMATS = ("svg", "png", "csv")
 
 
@@ -26,11 +22,6 @@ def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> h
             html.Tbody([html.Tr([html.Td(cell) for cell in row]) for row in rows]),
         ]
     )
-
-
-def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Table:
-    """The trials of one cell."""
-    return table("Trials of this condition", head, rows)
 
 
 def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: str = "") -> html.Figure:

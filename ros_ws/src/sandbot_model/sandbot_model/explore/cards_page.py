@@ -5,11 +5,10 @@ from html import escape
 
 from flask import Flask, Response, abort
 
-from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
 from sandbot_model.explore.previews import change_of, delta_bic, folded, ordered
-from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
+from sandbot_model.explore.requested import head, held_values_note, model_only, requested_selection, serve
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
@@ -19,14 +18,9 @@ from sandbot_model.report.captions import PERFECT
 from sandbot_model.report.drawings import drawing
 from sandbot_model.report.effect_facts import DESIGN, range_text, words
 from sandbot_model.report.fingerprint_map import fingerprint_map
-from sandbot_model.report.page import source
 from sandbot_model.report.view import readable
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
-<title>Effects: {title}</title><style>{style}</style></head>
-<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
+PAGE = """{head}<h1>{title}</h1>
 <p>Those switched on, then by ΔBIC, best first. It counts all that is measured: an effect may lower it and raise the
 error of mean speed.</p>
 <p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor: {floor}, {perfect}.
@@ -55,19 +49,15 @@ class CardsPage:
 
     def serve(self, server: Flask) -> None:
         """Register these addresses with the explorer's server."""
-        server.add_url_rule("/effects", "effects", self.page)
-        server.add_url_rule("/drawing/<name>.svg", "drawing", self.drawing)
-        server.add_url_rule("/effects/<name>/fingerprint.svg", "fingerprint", self.fingerprint)
+        fingerprint = "/effects/<name>/fingerprint.svg"
+        serve(server, {"/effects": self.page, "/drawing/<name>.svg": self.drawing, fingerprint: self.fingerprint})
 
     def page(self) -> Response:
         """All cards; those of effects that do not help are folded."""
-        try:
-            asked = requested_selection()
-            selection = model_only(asked)
-            self._session.model(selection)
-            now = self._session.step(selection)
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        asked = requested_selection()
+        selection = model_only(asked)
+        self._session.model(selection)
+        now = self._session.step(selection)
         self._session.fit_ahead(selection)
         previews = self._session.previews(selection)
         effects = self._session.catalogue(selection.formulas)
@@ -78,7 +68,7 @@ class CardsPage:
         pending = any(preview is None for preview in previews.values())
         return Response(
             PAGE.format(
-                title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
+                head=head(title := f"Effects: {self._title}", to_query(asked)), title=escape(title),
                 held_values=escape(held_values_note(asked)), model=escape(now.label.removeprefix("+ ")),
                 now=text.cm_s(now_m_s), perfect=PERFECT, floor=text.cm_s(self._session.noise_floor_m_s),
                 cards="".join(card for card in cards.values() if card not in rest),
@@ -96,13 +86,10 @@ class CardsPage:
 
     def fingerprint(self, name: str) -> Response:
         """The fingerprint of an effect as a picture."""
-        try:
-            formulas = requested_selection().formulas
-            if name not in self._session.catalogue(formulas):
-                abort(404)
-            return Response(fingerprint_map(self._fingerprint(name, formulas)), mimetype="image/svg+xml")
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        formulas = requested_selection().formulas
+        if name not in self._session.catalogue(formulas):
+            abort(404)
+        return Response(fingerprint_map(self._fingerprint(name, formulas)), mimetype="image/svg+xml")
 
     def _computed(self, name: str, formulas: tuple[str, ...]) -> Fingerprint:
         effects = self._session.catalogue(formulas)

@@ -39,9 +39,8 @@ def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: 
         ]
         for name, row in zip(ids, rows, strict=True)
     ]
-    shown: list[Any] = [
-        blocks.trial_table(lines, ["trial", *(["legs and film"] if bags else []), *(head for head, _, _ in COLUMNS)])
-    ]
+    head = ["trial", *(["legs and film"] if bags else []), *(heading for heading, _, _ in COLUMNS)]
+    shown: list[Any] = [blocks.table("Trials of this condition", head, lines)]
     found, missing = waveforms.read(bags, ids)
     if found:
         figure = waveforms.figure(found, fit, cell, theme)

@@ -46,7 +46,10 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor
                     html.P(data_line, className="soft"),
                     html.P(id="status", role="status", className="status"),
                     html.P(id="message", role="alert", className="message"),
-                    *(_caution(*caution) for caution in provenance.cautions),
+                    *(
+                        html.P([html.Strong(f"{kind} "), line], className="caution")
+                        for kind, line in provenance.cautions
+                    ),
                     *_excluded(provenance),
                 ]
             ),
@@ -54,10 +57,6 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor
         ],
         className="page",
     )
-
-
-def _caution(kind: str, line: str) -> html.P:
-    return html.P([html.Strong(f"{kind} "), line], className="caution")
 
 
 def _excluded(provenance: Provenance) -> list[html.Details]:
@@ -114,22 +113,14 @@ def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:
     return table(f"Fitted values ± standard error; {NO_ERROR}", ("parameter", "value", "unit"), rows)
 
 
-def _floor(floor_m_s: float) -> str:
-    return f"; noise floor {text.cm_s(floor_m_s)}" if math.isfinite(floor_m_s) else ""
-
-
 def _controls(floor_m_s: float) -> html.Section:
+    choices = dcc.RadioItems(list(BASES), "simple", id="model", inline=True)
+    base_model = html.Fieldset([html.Legend("Base model"), choices])
     # Not a form: Enter in the formula would submit it and leave the page.
     return html.Section(
-        [_base_model(), _buttons(), _suggestion(), _effects(floor_m_s), _own_effect()],
+        [base_model, _buttons(), _suggestion(), _effects(floor_m_s), _own_effect()],
         className="controls",
         **{"aria-label": "Model and effects"},
-    )
-
-
-def _base_model() -> html.Fieldset:
-    return html.Fieldset(
-        [html.Legend("Base model"), dcc.RadioItems(list(BASES), "simple", id="model", inline=True)],
     )
 
 
@@ -146,17 +137,16 @@ def _buttons() -> html.Div:
 
 
 def _suggestion() -> html.Div:
-    return html.Div(
-        [html.Div(id="suggestion", role="status"), _button("adopt", "Switch these on", hidden=True)],
-    )
+    return html.Div([html.Div(id="suggestion", role="status"), _button("adopt", "Switch these on", hidden=True)])
 
 
 def _effects(floor_m_s: float) -> html.Fieldset:
+    floor = f"; noise floor {text.cm_s(floor_m_s)}" if math.isfinite(floor_m_s) else ""
     return html.Fieldset(
         [
             html.Legend(
                 "Effects by ΔBIC, of each alone on all that is measured, and the error of mean speed without → with "
-                f"each{_floor(floor_m_s)}"
+                f"each{floor}"
             ),
             html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
             html.Div(

@@ -1,10 +1,33 @@
-"""The selection requested by the address of one of the explorer's further pages."""
+"""What the explorer's further pages share: their head, their addresses, and the selection requested by an address."""
 
+from collections.abc import Callable, Mapping
+from html import escape
+from typing import Any
 from urllib.parse import urlencode
 
-from flask import request
+from flask import Flask, Response, request
 
+from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query
+from sandbot_model.report.page import source
+
+HEAD = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
+<title>{title}</title><style>{style}</style></head>
+<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p>"""
+
+
+def head(title: str, query: str) -> str:
+    """The start of a page, with a link back to the explorer at the selection of ``query``."""
+    return HEAD.format(title=escape(title), style=source("report.css"), query=escape(query))
+
+
+def serve(server: Flask, pages: Mapping[str, Callable[..., Any]]) -> None:
+    """Register pages by their addresses; a request that can't be answered (InputError) is refused with one line."""
+    server.register_error_handler(InputError, lambda error: Response(str(error), 400, mimetype="text/plain"))
+    for address, page in pages.items():
+        server.add_url_rule(address, address, page)
 
 
 def requested_selection(*others: str) -> Selection:

@@ -150,25 +150,10 @@ class Session:
 
     def suggest(self, selection: Selection, progress: Progress) -> Discovery:
         """Run discovery over the catalogue and the user's formulas, reusing prefetched fits."""
-        effects = self.catalogue(selection.formulas)
-
         ended: list[Found] = []
 
-        def prefetched(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
-            """The result of a task of discovery, if the page has made the same search from the same start."""
-            if function in (global_minimum.solve, global_minimum.solve_first):
-                model, cells, start = task
-                point = self._fitted_ahead(model, start, selection) if cells is self.cells else None
-                if point is None or function is global_minimum.solve:
-                    return point
-                ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
-                return ended[-1]
-            if function in (global_minimum.solve_further, global_minimum.solve_jumping):
-                return next((found for found in ended if found.point is task[-1]), None)
-            return None
-
         def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
-            known = [prefetched(function, task) for task in tasks]
+            known = [self._prefetched(function, task, selection, ended) for task in tasks]
             submitted = [
                 self._workers.submit(function, task) if found is None else None
                 for task, found in zip(tasks, known, strict=True)
@@ -181,12 +166,28 @@ class Session:
 
         return discover(
             self.cells,
-            effects,
+            self.catalogue(selection.formulas),
             base=selection.model,
             criteria=self._criteria,
             fit_all=fit_all,
             progress=progress,
         )
+
+    def _prefetched(
+        self, function: Callable[[Any], Any], task: Any, selection: Selection, ended: list[Found]
+    ) -> Point | Found | None:
+        """The result of a task of discovery, if the page has made the same search from the same start; ``ended`` keeps
+        the searches that need no further step."""
+        if function in (global_minimum.solve, global_minimum.solve_first):
+            model, cells, start = task
+            point = self._fitted_ahead(model, start, selection) if cells is self.cells else None
+            if point is None or function is global_minimum.solve:
+                return point
+            ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
+            return ended[-1]
+        if function in (global_minimum.solve_further, global_minimum.solve_jumping):
+            return next((found for found in ended if found.point is task[-1]), None)
+        return None
 
     def model(self, selection: Selection) -> Model:
         """The model selected. Raises InputError for an unknown effect."""

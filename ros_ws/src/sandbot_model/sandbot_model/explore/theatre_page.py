@@ -11,11 +11,10 @@ from urllib.parse import quote
 from flask import Flask, Response, abort, request
 from plotly.offline import get_plotlyjs
 
-from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
-from sandbot_model.explore.requested import held_values, requested_selection
+from sandbot_model.explore.requested import head, held_values, requested_selection, serve
 from sandbot_model.explore.scene import Scene, replicates, scene_of
 from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session
@@ -28,11 +27,7 @@ from sandbot_record.trials.cache import file_state
 from sandbot_record.trials.film import Film, film_of
 from sandbot_record.trials.table import Trials
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
-<title>{trial}</title><style>{style}</style></head>
-<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>{trial}</h1>
+PAGE = """{head}<h1>{trial}</h1>
 <p class="kind">{model}. Other trials of this condition: {others}</p></header>
 <main class="theatre"><div class="stage">{film}{leg}</div>
 <div class="controls"><button type="button" id="play">Play</button>
@@ -72,18 +67,13 @@ class TheatrePage:
 
     def serve(self, server: Flask) -> None:
         """Register these addresses with the explorer's server."""
-        server.add_url_rule("/theatre", "theatre", self.page)
-        server.add_url_rule("/theatre/frame/<trial_id>/<int:i>.jpg", "frame", self.frame)
-        server.add_url_rule("/theatre/clip.mp4", "clip", self.clip)
-        server.add_url_rule("/plotly.js", "plotly", _plotly)
+        frame = "/theatre/frame/<trial_id>/<int:i>.jpg"
+        serve(server, {"/theatre": self.page, frame: self.frame, "/theatre/clip.mp4": self.clip, "/plotly.js": _plotly})
 
     def page(self) -> Response:
         """The page of the trial."""
-        try:
-            scene, trial, address, query, model = self._request()
-            film = self._film(trial)
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        scene, trial, address, query, model = self._request()
+        film = self._film(trial)
         fit = self._session.step(requested_selection("trial")).fit
         others = replicates(self._trials, fit, scene.cell)
         found, _ = waveforms.read(self._bags, others)
@@ -96,7 +86,7 @@ class TheatrePage:
         links = ", ".join(self._link(name, query) for name in others if name != trial) or "none"
         return Response(
             PAGE.format(
-                trial=escape(trial), style=source("report.css"), query=escape(query), model=escape(model), others=links,
+                head=head(trial, query), trial=escape(trial), model=escape(model), others=links,
                 film="" if film is None else _screen(trial, self._bags[trial]), leg=_leg(scene),
                 start=min(0.0, float(scene.waveform.time_s[0])), end=scene.end_s, address=escape(address),
                 records=_figure("records", records_caption(scene), '<div id="cursor" class="cursor"></div>'),
@@ -117,14 +107,11 @@ class TheatrePage:
 
     def clip(self) -> Response:
         """The trial as MP4."""
-        try:
-            scene, trial, _, _, _ = self._request()
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "clip.mp4"
-                write_clip(path, scene, self._film(trial))
-                return Response(path.read_bytes(), mimetype="video/mp4")
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        scene, trial, _, _, _ = self._request()
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "clip.mp4"
+            write_clip(path, scene, self._film(trial))
+            return Response(path.read_bytes(), mimetype="video/mp4")
 
     def _request(self) -> tuple[Scene, str, str, str, str]:
         """The request: scene, trial, query strings of the trial and of the selection, and name of the model."""

@@ -7,20 +7,15 @@ from html import escape
 
 from flask import Flask, Response
 
-from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.found import Discovery
 from sandbot_model.explore.job import Job
-from sandbot_model.explore.requested import held_values_note, requested_selection
+from sandbot_model.explore.requested import head, held_values_note, requested_selection, serve
 from sandbot_model.report.argument import argument_page
-from sandbot_model.report.page import render, source
+from sandbot_model.report.page import render
 from sandbot_model.report.view import Provenance
 
-WAITING = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
-<title>Why: {title}</title><style>{style}</style></head>
-<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>{title}</h1></header>
+WAITING = """{head}<h1>{title}</h1></header>
 <main><p id="stage" role="status">Trying the catalogue on these trials.</p>
 <progress id="done" value="0" max="1" aria-label="Sets of effects tried"></progress></main>
 <script>{script}</script></body></html>"""
@@ -45,31 +40,24 @@ class WhyPage:
 
     def serve(self, server: Flask) -> None:
         """Register both addresses with the explorer's server."""
-        server.add_url_rule("/why", "why", self.page)
-        server.add_url_rule("/why/progress", "why_progress", self.progress)
+        serve(server, {"/why": self.page, "/why/progress": self.progress})
 
     def page(self) -> Response:
         """The argument, or the progress of the discovery that it needs."""
-        try:
-            selection = requested_selection()
-            self._job.session.model(selection)
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        selection = requested_selection()
+        self._job.session.model(selection)
         found = self._job.found_for(selection)
         if found is not None:
             return Response(self._rendered(found, selection), mimetype="text/html")
         self._job.start(selection)
-        query = escape(to_query(selection))
-        waiting = WAITING.format(title=escape(self._title), style=source("report.css"), query=query, script=SCRIPT)
+        start = head(f"Why: {self._title}", to_query(selection))
+        waiting = WAITING.format(head=start, title=escape(self._title), script=SCRIPT)
         return Response(waiting, mimetype="text/html")
 
     def progress(self) -> Response:
         """The progress, as JSON."""
         job = self._job
-        try:
-            selection = requested_selection()
-        except InputError as error:
-            return Response(str(error), 400, mimetype="text/plain")
+        selection = requested_selection()
         stage, done, total = job.stage
         state = {
             "running": job.pending(selection), "failed": job.failed_for(selection),

@@ -1,8 +1,8 @@
 """The explorer's callbacks: their inputs, their outputs, and the functions that answer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from dash import ALL, Dash, Input, Output, State
 
@@ -53,25 +53,6 @@ SHOWN = (
 """Outputs that follow from the address, as component.property."""
 
 
-class Answers(Protocol):
-    """The callbacks of the page; each runs in a thread of the server, with the arguments given in ``wire``."""
-
-    def on_address(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """The address has changed."""
-
-    def on_control(self, *args: Any, **given: Any) -> None:
-        """A control was used."""
-
-    def on_preview_clock(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """A timer tick: prefetched fits may have ended."""
-
-    def on_save(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """A file is requested."""
-
-    def on_suggest(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """A discovery, or its progress, is requested."""
-
-
 def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
     """The application without its content; nothing is loaded from the network."""
     return Dash(
@@ -86,15 +67,12 @@ def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
     )
 
 
-def wire(app: Dash, answers: Answers) -> None:
-    """Register all callbacks."""
+def wire(app: Dash, answers: Any) -> None:
+    """Register all callbacks: the methods ``on_…`` of ``answers``, an ``Explorer``, each run in a server thread."""
     app.callback(
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
-        state={
-            "sliders": State({"by_hand": ALL}, "value"),
-            "slider_ids": State({"by_hand": ALL}, "id"),
-        },
+        state={"sliders": State({"by_hand": ALL}, "value"), "slider_ids": State({"by_hand": ALL}, "id")},
     )(answers.on_address)
     # Controls set the address and the page shown sets the controls, all by set_props. With Outputs, Dash would see a
     # circular dependency, delay a control until the previous figures have arrived, and then reset it.

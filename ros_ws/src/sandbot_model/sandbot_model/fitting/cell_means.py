@@ -15,13 +15,7 @@ from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, 
 from sandbot_model.fitting.states import STEP, parameter_steps
 from sandbot_model.fitting.switch import Switches, add_switch_slopes, share_of_nodes, switches_of
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.averaging import (
-    NODES,
-    WEIGHTS,
-    along_the_track,
-    node_weights,
-    share_between_trials,
-)
+from sandbot_model.physics.averaging import NODES, WEIGHTS, along_the_track, node_weights, share_between_trials
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -128,15 +122,7 @@ class CellMeans:
         return Evaluation(footing, *kernels.cell_likelihood(values, footing.walking, WEIGHTS, *of))
 
     def jacobian(
-        self,
-        theta: Array,
-        ln_k: Array,
-        slope: Array,
-        moved: Array,
-        feet: Footing,
-        whiten: Array,
-        *,
-        switches: bool,
+        self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array, *, switches: bool
     ) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 

@@ -60,8 +60,7 @@ class Fitted:
     sample: Array | None = None
     """Points ``(points, unknowns)`` of a posterior sample of the same unknowns, where ``stderr`` is that of one."""
     at_minimum: bool = True
-    """False where values are held by hand and all others are as fitted before, so that no error out of sample is known.
-    """
+    """False if values are held by hand: the others were not refitted, so there is no error out of sample."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -116,8 +115,8 @@ class Fitted:
 
     @property
     def rmse(self) -> Mapping[str, float]:
-        """Rms error of each observable in sample [SI]; NaN where the data determine no parameter, as a model with no
-        fewer unknowns than there are means passes through these."""
+        """Rms error of each observable in sample [SI]; NaN if there are as many unknowns as cell means, for such a
+        model passes through them all."""
         return self.goodness.rmse if self.goodness.dof > 0 else dict.fromkeys(NAMES, np.nan)
 
     @cached_property
@@ -243,9 +242,9 @@ class Fitted:
 
     @cached_property
     def _steps(self) -> list[tuple[Array, tuple[float, float], tuple[float, float]]]:
-        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and how far, back
-        and ahead, they may be followed within bounds (``uncertainty.change``): in a curved valley as long as the
-        deviance rises about as a parabola would, and to a switch as long as no more than a low cliff is on the way.
+        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and the share of
+        each that may be taken back and ahead within bounds (``uncertainty.change``): while the deviance rises about as
+        a parabola does, and to look for a switch, while no high cliff is in the way.
         """
         if not len(steps := principal_steps(self.covariance)):
             return []

@@ -6,7 +6,6 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
@@ -308,18 +307,13 @@ def _descended(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float
     theta = np.concatenate(thetas)
     ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), [len(rows) for rows in thetas], axis=0)
     theta = np.clip(theta, *bounds(problem))
-    # A parameter that is held has the same value in every start.
-    some = _distinct_rows(np.concatenate([theta, ln_k], axis=1))
+    # A parameter that is held has the same value in every start: each distinct row once, in order.
+    some = np.sort(np.unique(np.concatenate([theta, ln_k], axis=1), axis=0, return_index=True)[1])
     theta, ln_k, bed = theta[some], ln_k[some], problem.bed_starts
     theta, ln_k, bed = np.tile(theta, (len(bed), 1)), np.tile(ln_k, (len(bed), 1)), np.repeat(bed, len(theta), axis=0)
     begin = problem.states(theta, ln_k, _slopes(problem, ln_k), bed)
     # Every k is adjusted to the new effect before the rows are compared.
     return descend(problem, begin, 2 * FIRST_ITERATIONS, hopeless=hopeless).lowest()
-
-
-def _distinct_rows(rows: Array) -> Ints:
-    """Indices of the first of each group of equal rows ``(rows, columns)``, in order."""
-    return np.sort(np.unique(rows, axis=0, return_index=True)[1])
 
 
 def _scanned(problem: Problem, state: States) -> States:

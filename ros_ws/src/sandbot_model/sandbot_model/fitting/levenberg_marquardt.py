@@ -22,11 +22,7 @@ MAX_DAMPING = 1e5
 
 
 def descend(
-    problem: Problem,
-    states: States,
-    iterations: int = ITERATIONS,
-    fixed: Sequence[int] = (),
-    hopeless: float = np.inf,
+    problem: Problem, states: States, iterations: int = ITERATIONS, fixed: Sequence[int] = (), hopeless: float = np.inf
 ) -> States:
     """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, are held.
 

@@ -19,17 +19,13 @@ def data_summary(cells: Cells) -> dict[str, Any]:
     }
 
 
-def plain(record: Any) -> dict[str, Any]:
-    """A dataclass as a mapping; tuples become lists, dataclasses in them mappings, numbers that are not finite None."""
-    return {name: _plain(value) for name, value in vars(record).items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float):
-        return number(value)
+def plain(value: Any) -> Any:
+    """A dataclass as a mapping, a tuple as a list, a number that is not finite as None, also within each other."""
+    if is_dataclass(value):
+        return {name: plain(part) for name, part in vars(value).items()}
     if isinstance(value, tuple):
-        return [plain(part) if is_dataclass(part) else _plain(part) for part in value]
-    return value
+        return [plain(part) for part in value]
+    return number(value) if isinstance(value, float) else value
 
 
 def number(value: float) -> float | None:

@@ -99,7 +99,7 @@ def _profile_all(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_
 
 
 def _narrowed(k: Array, k_grid: Array) -> Array:
-    """A grid of as many nodes over the range of ``k (levels,)``, where that is within the grid."""
+    """A grid of equally many nodes, but only over the part of the grid in which ``k (levels,)`` lie."""
     inside = k[k > k_grid[0] * 1.02]
     if not len(inside):
         return k_grid

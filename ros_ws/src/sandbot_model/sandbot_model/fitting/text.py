@@ -71,7 +71,10 @@ def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
     A cell may have several lines; those of the first row are aligned at the bottom.
     """
     deep = max(cell.count("\n") + 1 for cell in rows[0])
-    rows = [*_lines([("\n" * (deep - 1 - cell.count("\n"))) + cell for cell in rows[0]]), *_all_lines(rows[1:])]
+    rows = [
+        *_lines([("\n" * (deep - 1 - cell.count("\n"))) + cell for cell in rows[0]]),
+        *(line for row in rows[1:] for line in _lines(row)),
+    ]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
@@ -89,25 +92,20 @@ def _lines(row: Sequence[str]) -> list[list[str]]:
     return [[cell[at] if at < len(cell) else "" for cell in cells] for at in range(max(map(len, cells), default=0))]
 
 
-def _all_lines(rows: Rows) -> list[list[str]]:
-    return [line for row in rows for line in _lines(row)]
-
-
-def wrapped(rows: Rows, width: int = terminal.WIDTH) -> list[list[str]]:
-    """The same rows, the last column wrapped so that the table is no wider than ``width``."""
+def wrapped(rows: Rows) -> list[list[str]]:
+    """The same rows, the last column wrapped so that the table is no wider than a terminal."""
     taken = sum(max(map(len, column)) + 2 for column in zip(*(row[:-1] for row in rows), strict=True))
     found = []
     for row in rows:
-        first, *more = textwrap.wrap(row[-1], max(width - taken, 20)) or [""]
+        first, *more = textwrap.wrap(row[-1], max(terminal.WIDTH - taken, 20)) or [""]
         found += [[*row[:-1], first], *([*[""] * (len(row) - 1), line] for line in more)]
     return found
 
 
 def html_table(rows: Rows) -> str:
     """The table for a notebook."""
-    head, *body = ("".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) for tag, row in _tagged(rows))
+    tags = ("th", *["td"] * (len(rows) - 1))
+    head, *body = (
+        "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) for tag, row in zip(tags, rows, strict=True)
+    )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(f'<tr>{row}</tr>' for row in body)}</tbody></table>"
-
-
-def _tagged(rows: Rows) -> list[tuple[str, Sequence[str]]]:
-    return [("td" if index else "th", row) for index, row in enumerate(rows)]

@@ -134,7 +134,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "by the ground's stiffness, the peak spared": "step = maximum(s - 2.3*f_c_n/k, 0)",
     },
     "bed_slope": {
-        "by the load the ground bears, the peak spared": f"step *= maximum(1 - N*m*g*sin(chi_rad)/{_BORNE}, 0)",
+        "by the load the ground bears, the peak spared": f"step *= maximum(1 - N*m*g*sin(chi_rad)/{_BORNE}, 0)"
     },
     "leg_slip": {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",
@@ -150,17 +150,15 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "exact_leg_arc": {
         "more lost as the leg's end goes under": (
             f"F*({_ON_ARC})/maximum(z, 1e-6)*(1 - part*{_UNDER}); part [1] in 0..0.3"
-        ),
+        )
     },
-    "resistive_force_theory": {
-        BY_ITS_TILT: "F*(1 - part*((1 - z/R)**2 - (1 - d_r/R)**2)); part [1] in 0.5..2",
-    },
+    "resistive_force_theory": {BY_ITS_TILT: "F*(1 - part*((1 - z/R)**2 - (1 - d_r/R)**2)); part [1] in 0.5..2"},
     "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
     "dilation": {"another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"},
     "finite_depth": {IN_ANOTHER_BED: "k*(1 + exp(-(bed_m - z)/l_m)); bed_m [m] in 0.05..0.2"},
     "slow_phase_speed": {PAST_THE_NEXT_LEG: "Delta_v *= beta; peak *= rho"},
     "unequal_leg_load": {
-        "a step is the mean of its legs'": f"k *= where((1 + x)*z > 2*R - h, 0, 1); step *= {_OF_A_TRIPOD}",
+        "a step is the mean of its legs'": f"k *= where((1 + x)*z > 2*R - h, 0, 1); step *= {_OF_A_TRIPOD}"
     },
     "motor_saturation": {
         BY_THE_MEAN_RATE: "omega/sqrt(1 + (omega/omega_s_rad_s)**2)",

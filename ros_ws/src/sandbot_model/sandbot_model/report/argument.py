@@ -9,20 +9,11 @@ import yaml
 from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.physics.gait import ASSUMED
-from sandbot_model.report import (
-    captions,
-    lock,
-    model_difference,
-    profiles,
-    residual_map,
-    rivals,
-    stages,
-    table_sections,
-    text,
-)
+from sandbot_model.report import captions, model_difference, profiles, rivals, stages, table_sections, text
 from sandbot_model.report.content import headline
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.data_section import json_download
+from sandbot_model.report.figure_sections import lock_figure, residual_figure
 from sandbot_model.report.in_words import no_trial, spelled_out
 from sandbot_model.report.page import Download, Figure, Page, Section, data_uri
 from sandbot_model.report.view import Provenance, Step
@@ -65,13 +56,8 @@ def _geometry_lock(discovery: Discovery) -> list[Section]:
     cells = discovery.cells
     if not {"speed", "lift"} <= set(cells.observables):
         return []
-    figure = Figure(
-        "lock",
-        (captions.lock(cells),),
-        captions.how_to_read("lock", cells),
-        lambda theme: [lock.geometry_lock(cells, theme)],
-    )
-    return [Section("lock", "Do the legs hold? A test by geometry, with nothing fitted", figures=(figure,))]
+    heading = "Do the legs hold? A test by geometry, with nothing fitted"
+    return [Section("lock", heading, figures=(lock_figure(cells),))]
 
 
 def _stages(discovery: Discovery) -> list[Section]:
@@ -88,20 +74,9 @@ def _stages(discovery: Discovery) -> list[Section]:
 
 def _maps(shown: Steps, discovery: Discovery) -> Section:
     """Residual maps of each observable, the base model's on the left."""
-
-    def figure(observable: str) -> Figure:
-        return Figure(
-            f"residuals-{observable}", tuple(captions.residuals(step, observable) for step in shown), "",
-            lambda theme: [residual_map.residual_map(step, observable, shown[0], theme) for step in shown],
-        )  # fmt: skip
-
-    names = discovery.cells.observables
-    return Section(
-        "maps",
-        "Where it fails, before and after",
-        (captions.how_to_read("residuals", discovery.cells),),
-        tuple(map(figure, names)),
-    )
+    cells = discovery.cells
+    maps = tuple(residual_figure(shown, observable) for observable in cells.observables)
+    return Section("maps", "Where it fails, before and after", (captions.how_to_read("residuals", cells),), maps)
 
 
 def _rivals(shown: Steps, discovery: Discovery) -> Section:

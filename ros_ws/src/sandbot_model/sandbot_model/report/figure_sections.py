@@ -1,6 +1,7 @@
 """The figure sections of the page, in order, with their captions and tables."""
 
 import math
+from collections.abc import Callable
 
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import error_of_rms
@@ -8,6 +9,7 @@ from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, rivals, run_order, text
 from sandbot_model.report.page import Figure, Section, Table
+from sandbot_model.report.theme import Spec, Theme
 from sandbot_model.report.view import Step, is_ladder
 from sandbot_record.trials.table import Trials
 
@@ -15,13 +17,13 @@ from sandbot_record.trials.table import Trials
 def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
     """Every figure possible with the observables measured, in reading order."""
     cells = steps[0].fit.cells
-    lock = [Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))]
-    lock = lock if {"speed", "lift"} <= set(cells.observables) else []
+    geometry = [Section("lock", "The geometry lock: lift against speed", figures=(lock_figure(cells),))]
+    geometry = geometry if {"speed", "lift"} <= set(cells.observables) else []
     if missing := next((step.fit.undetermined for step in steps if step.fit.undetermined), ""):
         line = f"{missing}: figures of the model are left out."
         return [
             Section("speed", "Speed against leg frequency", text=(line,), figures=(_measured_speed_figure(steps[0]),)),
-            *lock,
+            *geometry,
         ]
     omega = captions.worst_frequency(steps[0].fit)
     why = "where the base model misses the mean speed most" if "speed" in cells.observables else "the median one"
@@ -31,48 +33,65 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             "residuals",
             "Where the model fails",
             text=(captions.how_to_read("residuals", cells),),
-            figures=tuple(_residual_figure(steps, name) for name in cells.observables),
+            figures=tuple(residual_figure(steps, name) for name in cells.observables),
         ),
         Section(
             "ladder", "Error as effects are added" if is_ladder(steps) else "Error of each model",
             figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),),
         ),
-        *lock,
-        Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
-        Section("step", "Step length", figures=(_step_figure(steps),)),
-        Section(
-            "balance", f"Force balance at ω = {omega:.3g} rad/s, {why}",
-            figures=(_balance_figure(steps, omega),),
-        ),
+        *geometry,
+        Section("collapse", "Where walking collapses", figures=(
+            _of_each("collapse", steps, mechanics.critical, captions.critical, "critical"),
+        )),
+        Section("step", "Step length", figures=(
+            _of_each("step", steps, mechanics.step_ratio, captions.step_ratio, "step"),
+        )),
+        Section("balance", f"Force balance at ω = {omega:.3g} rad/s, {why}", figures=(
+            _of_each(
+                "balance", steps,
+                lambda step, theme: balance.force_balance(step, omega, steps[0], theme),
+                lambda step: captions.balance(step, omega),
+                "balance",
+            ),
+        )),
     ]  # fmt: skip
+
+
+def _of_each(
+    name: str,
+    steps: tuple[Step, ...],
+    draw: Callable[[Step, Theme], Spec],
+    in_words: Callable[[Step], str],
+    how_to_read: str = "",
+) -> Figure:
+    """A figure of each step, with the text alternative of each, and the caption ``how_to_read``, if any."""
+    caption = captions.how_to_read(how_to_read, steps[0].fit.cells) if how_to_read else ""
+    return Figure(name, tuple(map(in_words, steps)), caption, lambda theme: [draw(step, theme) for step in steps])
 
 
 def _speed_figure(steps: tuple[Step, ...]) -> Figure:
     if not is_ladder(steps):
-        return rivals.overlay_figure("speed", steps, tuple(captions.speed(step) for step in steps))
-    return Figure(
-        name="speed",
-        alt=tuple(captions.speed(step) for step in steps),
-        caption=captions.how_to_read("speed", steps[0].fit.cells),
-        draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
-    )
+        return rivals.overlay_figure("speed", steps, tuple(map(captions.speed, steps)))
+    return _of_each("speed", steps, lambda step, theme: figures.speed(step, steps[0], theme), captions.speed, "speed")
 
 
 def _measured_speed_figure(step: Step) -> Figure:
+    cells = step.fit.cells
     return Figure(
-        name="speed",
-        alt=(captions.measured_speed(step.fit.cells),),
-        caption=captions.points(step.fit.cells),
-        draw=lambda theme: [figures.measured_speed(step, theme)],
+        "speed",
+        (captions.measured_speed(cells),),
+        captions.points(cells),
+        lambda theme: [figures.measured_speed(step, theme)],
     )
 
 
-def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
-    return Figure(
-        name=f"residuals-{observable}",
-        alt=tuple(captions.residuals(step, observable) for step in steps),
-        caption="",
-        draw=lambda theme: [residual_map.residual_map(step, observable, steps[0], theme) for step in steps],
+def residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
+    """Residual maps of an observable, with those of the first step, the base model, on the left."""
+    return _of_each(
+        f"residuals-{observable}",
+        steps,
+        lambda step, theme: residual_map.residual_map(step, observable, steps[0], theme),
+        lambda step: captions.residuals(step, observable),
     )
 
 
@@ -80,11 +99,11 @@ def run_order_section(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
     """Residuals in run order; none where too few trials have a known place, or the model is not determined."""
     if steps[-1].fit.undetermined or not run_order.drawable(trials, steps[-1].fit):
         return []
-    figure = Figure(
-        name="run-order",
-        alt=tuple(run_order.caption(trials, step.fit) for step in steps),
-        caption="",
-        draw=lambda theme: [run_order.figure(trials, step.fit, theme) for step in steps],
+    figure = _of_each(
+        "run-order",
+        steps,
+        lambda step, theme: run_order.figure(trials, step.fit, theme),
+        lambda step: run_order.caption(trials, step.fit),
     )
     return [Section("order", "Residuals in run order", figures=(figure,))]
 
@@ -131,37 +150,11 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 
 
-def _lock_figure(cells: Cells) -> Figure:
+def lock_figure(cells: Cells) -> Figure:
+    """Step length against lift, with nothing fitted."""
     return Figure(
-        name="lock",
-        alt=(captions.lock(cells),),
-        caption=captions.how_to_read("lock", cells),
-        draw=lambda theme: [lock.geometry_lock(cells, theme)],
-    )
-
-
-def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
-    return Figure(
-        name="collapse",
-        alt=tuple(captions.critical(step) for step in steps),
-        caption=captions.how_to_read("critical", steps[0].fit.cells),
-        draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
-    )
-
-
-def _step_figure(steps: tuple[Step, ...]) -> Figure:
-    return Figure(
-        name="step",
-        alt=tuple(captions.step_ratio(step) for step in steps),
-        caption=captions.how_to_read("step", steps[0].fit.cells),
-        draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
-    )
-
-
-def _balance_figure(steps: tuple[Step, ...], omega_rad_s: float) -> Figure:
-    return Figure(
-        name="balance",
-        alt=tuple(captions.balance(step, omega_rad_s) for step in steps),
-        caption=captions.how_to_read("balance", steps[0].fit.cells),
-        draw=lambda theme: [balance.force_balance(step, omega_rad_s, steps[0], theme) for step in steps],
+        "lock",
+        (captions.lock(cells),),
+        captions.how_to_read("lock", cells),
+        lambda theme: [lock.geometry_lock(cells, theme)],
     )

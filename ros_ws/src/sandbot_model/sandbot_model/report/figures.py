@@ -15,17 +15,7 @@ from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
-from sandbot_model.report.view import (
-    BAND_SDS,
-    Band,
-    Step,
-    bands,
-    is_ladder,
-    measured,
-    measured_name,
-    readable,
-    scatter,
-)
+from sandbot_model.report.view import BAND_SDS, Band, Step, bands, is_ladder, measured, measured_name, readable, scatter
 
 NARROW = 2
 LEGEND_PX, TITLE_PX = 48, 18
@@ -85,7 +75,7 @@ def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 
         spec["layout"]["height"] += LEGEND_PX
         spec["layout"]["margin"]["t"] += LEGEND_PX
     for i in range(len(rows)):
-        key = _key(i)
+        key = axis_key(i)
         x_title = x["title"] if i + columns >= len(rows) else ""
         spec["layout"][f"xaxis{key}"] |= axis(theme, x_title, range=x["range"], nticks=6)
         first = i % columns == 0
@@ -103,7 +93,7 @@ def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: in
     # Plotly places the legend above the paper however many lines it has; titles need their own space on the paper.
     top = 1 - TITLE_PX / (TITLE_PX + height * lines)
     for i, title in enumerate(titles):
-        key, (row, column) = _key(i), divmod(i, columns)
+        key, (row, column) = axis_key(i), divmod(i, columns)
         across, up = _panel(row, column, lines, columns)
         up = [top * end for end in up]
         spec["layout"][f"xaxis{key}"] = {"domain": across, "anchor": f"y{key}"}
@@ -115,7 +105,7 @@ def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: in
 
 def in_panel(i: int, traces: Sequence[Spec]) -> list[Spec]:
     """The traces, assigned to the axes of panel ``i``."""
-    return [trace | {"xaxis": f"x{_key(i)}", "yaxis": f"y{_key(i)}"} for trace in traces]
+    return [trace | {"xaxis": f"x{axis_key(i)}", "yaxis": f"y{axis_key(i)}"} for trace in traces]
 
 
 def legend_entry(name: str, **looks: Any) -> Spec:
@@ -149,20 +139,12 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
     floor = CM * noise_floor_m_s
     places = list(range(len(steps)))
     last = places[-1]
+    mode = {} if is_ladder(steps) else {"mode": "markers"}
     traces = [
-        _rung("out of sample", places, out_of_sample, theme.accent, "circle", 11),
-        _rung("in sample", places, in_sample, theme.faint, "circle-open", 9),
+        _rung("out of sample", places, out_of_sample, theme.accent, "circle", 11) | mode,
+        _rung("in sample", places, in_sample, theme.faint, "circle-open", 9) | mode,
+        *_noise_floor(floor, last, theme),
     ]
-    if not is_ladder(steps):
-        traces = [trace | {"mode": "markers"} for trace in traces]
-    if math.isfinite(floor):
-        traces.append(
-            {
-                "type": "scatter", "mode": "lines", "name": f"noise floor, {floor:.2f} cm/s", "hoverinfo": "name",
-                "x": [-0.5, last + 0.5], "y": [floor, floor],
-                "line": {"color": theme.ink, "width": 1.5, "dash": "dot"},
-            }
-        )  # fmt: skip
     shown = [out if math.isfinite(out) else inn for out, inn in zip(out_of_sample, in_sample, strict=True)]
     labels = [
         {"x": x, "y": y, "text": f"<b>{y:.2f}</b>", "showarrow": False, "yshift": 16}
@@ -174,7 +156,11 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
     }  # fmt: skip
     top = 1.2 * finite_max(np.array([*in_sample, *out_of_sample, floor]))
-    ticks = {"tickvals": places, "ticktext": [_wrapped(step.label) for step in steps], "range": [-0.5, last + 0.5]}
+    ticks = {
+        "tickvals": places,
+        "ticktext": [step.label.replace(" + ", "<br>+ ") for step in steps],
+        "range": [-0.5, last + 0.5],
+    }
     return {
         "data": traces,
         "layout": layout(
@@ -186,6 +172,14 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
             shapes=[highlight],
         ),
     }
+
+
+def _noise_floor(floor: float, last: int, theme: Theme) -> list[Spec]:
+    trace = {
+        "type": "scatter", "mode": "lines", "name": f"noise floor, {floor:.2f} cm/s", "hoverinfo": "name",
+        "x": [-0.5, last + 0.5], "y": [floor, floor], "line": {"color": theme.ink, "width": 1.5, "dash": "dot"},
+    }  # fmt: skip
+    return [trace] if math.isfinite(floor) else []
 
 
 def model_name(step: Step) -> str:
@@ -233,7 +227,7 @@ def _faded(colour: str) -> str:
     return f"{colour.replace('rgb(', 'rgba(').removesuffix(')')}, 0.22)"
 
 
-def _key(panel: int) -> str:
+def axis_key(panel: int) -> str:
     """Suffix of a panel's axes as Plotly numbers them: x, x2, x3."""
     return "" if panel == 0 else str(panel + 1)
 
@@ -272,10 +266,6 @@ def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float],
     left = column * (width + gap_x)
     top = 1 - row * (height + gap_y)
     return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.04 / rows]
-
-
-def _wrapped(label: str) -> str:
-    return label.replace(" + ", "<br>+ ")
 
 
 def _range(*arrays: Floats) -> list[float]:

@@ -28,7 +28,8 @@ def fingerprint_map(found: Fingerprint) -> str:
     ends = f'<text class="soft" x="{LEFT}" y="{height - 6}">ω {OMEGA_RAD_S[0]:g} to {OMEGA_RAD_S[-1]:g} rad/s</text>'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">'
-        f"<style>{_style()}</style>{maps}{rows}{ends}</svg>\n"
+        f"<style>{_colours(LIGHT)} @media (prefers-color-scheme: dark) {{ {_colours(DARK)} }}</style>"
+        f"{maps}{rows}{ends}</svg>\n"
     )
 
 
@@ -45,10 +46,6 @@ def _cells(missed: np.ndarray) -> str:
         if abs(value) >= SEEN:
             squares.append(f'<rect class="frame" {place}/>')
     return "".join(squares)
-
-
-def _style() -> str:
-    return f"{_colours(LIGHT)} @media (prefers-color-scheme: dark) {{ {_colours(DARK)} }}"
 
 
 def _colours(theme: Theme) -> str:

@@ -8,7 +8,7 @@ from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
-from sandbot_model.report.figures import SYMBOLS, as_json, model_name
+from sandbot_model.report.figures import SYMBOLS, as_json, bars, model_name
 from sandbot_model.report.theme import LEGEND_ABOVE, LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import Step, bands, measured, scatter, walks
 
@@ -61,7 +61,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
         common | {
             "name": "measured: between the last ω that walks and the first that swims",
             "x": as_json(phis), "y": as_json(middle),
-            "error_y": {"type": "data", "array": as_json(half), "color": theme.ink, "width": 3, "thickness": 1.5},
+            "error_y": bars(half, theme.ink),
         },
         common | {
             "name": "walks at every ω measured", "marker": {"color": theme.ink, "size": 10, "symbol": "triangle-up"},
@@ -110,7 +110,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
             {"type": "scatter", "mode": "markers", "name": band.label, "x": as_json(cells.omega[at]),
              "y": as_json(ratio[at]), "marker": marker,
              "customdata": np.stack([cells.n[at, Observable.speed], at], axis=-1).tolist(),
-             "error_y": {"type": "data", "array": as_json(error[at]), "color": colour, "width": 3, "thickness": 1.5}},
+             "error_y": bars(error[at], colour)},
         ]  # fmt: skip
     threshold = {
         "type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": 0.9, "y1": 1.0,

@@ -16,7 +16,7 @@ from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import cell_labels
 from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
 from sandbot_model.report.theme import Spec, Theme, category_axis, layout, note
-from sandbot_model.report.view import Step, bands, frequencies, observable_label
+from sandbot_model.report.view import Step, bands, frequencies, observable_label, readable
 
 MIN_SCALE_END_SD = 10.0
 SCALE_TICKS_SD = (1, 3, 10, 30, 100, 300, 1000)
@@ -137,7 +137,7 @@ def separation_caption(found: Gaps, trials: Sequence[NextTrial]) -> str:
     if not best:
         return "Within this range of φ and ω no trial tells these models apart."
     most = max(best.values(), key=lambda trial: trial.expected_gap_sd)
-    first, second = (name.replace("_", " ") for name in most.separates)
+    first, second = map(readable, most.separates)
     proposed = f" {len(trials)} measurements are proposed." if trials else ""
     return (
         f"They differ most at {most.where}: {first} from {second} by {text.number(most.expected_gap_sd)} standard "
@@ -149,7 +149,7 @@ def _hover_text(trial: NextTrial | None) -> str:
     """The observable to watch and the pair of models that it separates, for the hover text."""
     if trial is None:
         return ""
-    first, second = (name.replace("_", " ") for name in trial.separates)
+    first, second = map(readable, trial.separates)
     return f"of {observable_label(trial.observable)}<br>{first} from {second}"
 
 

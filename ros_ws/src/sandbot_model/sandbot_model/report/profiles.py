@@ -9,7 +9,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import profile
 from sandbot_model.physics.arrays import Array
 from sandbot_model.report import text
-from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry, model_name
+from sandbot_model.report.figures import as_json, axis_key, grid_of_panels, in_panel, legend_entry, model_name
 from sandbot_model.report.map_text import cell_labels
 from sandbot_model.report.theme import Spec, Theme, axis, category_axis, layout
 from sandbot_model.report.view import Step
@@ -48,7 +48,7 @@ def profiles(step: Step, theme: Theme) -> Spec:
     for i, name in enumerate(names):
         values, rise = curve(fit, i)
         estimate = fit.parameters[name]
-        key = "" if i == 0 else str(i + 1)
+        key = axis_key(i)
         spec["layout"][f"xaxis{key}"] |= axis(theme, _title(fit, name), nticks=5)
         first = i % 3 == 0
         up = "rise of the deviance" if first else ""

@@ -84,9 +84,6 @@ def limits(cells: Cells) -> tuple[str, ...]:
         )
     absent = [observable.label for observable in Observable if observable.name not in cells.observables]
     if absent:
-        notes.append(f"{', '.join(absent).capitalize()}: not measured in these trials{_consequence(cells)}.")
+        lock = "" if "lift" in cells.observables else "; without lift there is no geometry lock to check"
+        notes.append(f"{', '.join(absent).capitalize()}: not measured in these trials{lock}.")
     return tuple(notes)
-
-
-def _consequence(cells: Cells) -> str:
-    return "" if "lift" in cells.observables else "; without lift there is no geometry lock to check"

@@ -8,7 +8,7 @@ from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.diagnose import StageTest
 from sandbot_model.report import text
-from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
+from sandbot_model.report.figures import as_json, axis_key, grid_of_panels, in_panel, legend_entry
 from sandbot_model.report.page import Table
 from sandbot_model.report.theme import Spec, Theme, axis
 
@@ -20,7 +20,7 @@ def stage_map(stages: Sequence[StageTest], cells: Cells, alpha: float, theme: Th
     titles = [f"<b>{stage.stage}</b>: {_outcome(stage, alpha)}" for stage in stages]
     spec = grid_of_panels(titles, theme, COLUMNS, height=210)
     for i, stage in enumerate(stages):
-        key = "" if i == 0 else str(i + 1)
+        key = axis_key(i)
         first = i % COLUMNS == 0
         spec["layout"][f"xaxis{key}"] |= axis(theme, "ω (rad/s)", nticks=6)
         spec["layout"][f"yaxis{key}"] |= axis(theme, "φ" if first else "", nticks=5, showticklabels=first)

@@ -16,7 +16,7 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import claim_on_replicates, claim_threshold, overdispersion
 from sandbot_model.report import text
 from sandbot_model.report.page import Section, Table
-from sandbot_model.report.view import Step, frequencies
+from sandbot_model.report.view import Step, frequencies, readable
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.table import Trials
 
@@ -53,7 +53,7 @@ def origin(
 def methods(steps: Sequence[Step], criteria: Criteria | None = None) -> Section:
     """The methods in order of the analysis; with a verdict, what a claim took by its own ``criteria``."""
     cells = steps[0].fit.cells
-    observables = ", ".join(name.replace("_", " ") for name in cells.observables)
+    observables = ", ".join(map(readable, cells.observables))
     source = (
         f"Rows are means of {observables}, one for each of {text.counted(len(cells), 'condition')}; they are fitted, "
         "and the error bars given are the pure error."
@@ -114,16 +114,12 @@ def _first_and_last_bag(trials: Trials, bags: Mapping[str, Path]) -> list[Bag]:
     """The recordings of the first and the last trial in run order, as far as they can be read."""
     named = [str(name) for name in trials.trial_id[np.argsort(trials.run_order, kind="stable")] if str(name) in bags]
     opened = []
-    for name in dict.fromkeys(_first_and_last(named)):
+    for name in dict.fromkeys((*named[:1], *named[-1:])):
         try:
             opened.append(Bag.open(bags[name]))
         except InputError:
             continue  # listed among the excluded trials
     return opened
-
-
-def _first_and_last(names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((names[0], names[-1]))) if names else ()
 
 
 def _source(bag: Bag) -> str:

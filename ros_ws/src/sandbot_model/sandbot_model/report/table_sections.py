@@ -20,6 +20,8 @@ from sandbot_model.report.profiles import correlation
 from sandbot_model.report.view import Step, band_name, is_ladder, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
+PNG = b"\x89PNG"
+"""The first bytes of such a picture."""
 MAX_FAILING_ROWS = 60
 BEST_CANDIDATES = 8
 NUISANCE_NOTE = (
@@ -85,9 +87,16 @@ def parameters(steps: tuple[Step, ...]) -> Section:
     last, columns, heads = steps[-1], steps[:: -1 if ladder else 1], _added(steps)[:: -1 if ladder else 1]
     names = list(dict.fromkeys(name for step in steps for name in step.fit.parameters))
     rows = [(*text.described(name), *(_estimate(step.fit, name) for step in columns)) for name in names]
+    fits = [step.fit for step in columns]
     for i, phi in enumerate(last.fit.level_phi):
         words = ", stiffness of the ground under a leg" if i == 0 else ""
-        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *(_stiffness(step.fit, i) for step in columns)))
+        rows.append(
+            (
+                f"k at φ = {phi:.3f}{words}",
+                "N/m",
+                *(fit.value_text(fit.k_n_per_m[i], fit.k_stderr_n_per_m[i]) for fit in fits),
+            )
+        )
     shown = steps[-1:] if ladder else steps[1:]
     order = " The last step comes first; each column is headed by what its step adds." if ladder and steps[1:] else ""
     nuisance_note = "" if last.fit.nuisances is None else f" {NUISANCE_NOTE.format(last.label)}"
@@ -152,10 +161,6 @@ def _estimate(fit: Fit, name: str) -> str:
     return fit.parameter_text(name).replace("-", "−") + flag
 
 
-def _stiffness(fit: Fit, level: int) -> str:
-    return fit.value_text(float(fit.k_n_per_m[level]), float(fit.k_stderr_n_per_m[level]))
-
-
 def next_trials(discovery: Discovery) -> list[Section]:
     """Tables of the proposed measurements, and of controls where no trial distinguishes the explanations."""
     tables = (*_proposed(discovery), *_controls(discovery))
@@ -218,9 +223,8 @@ def video(frames: Frames) -> list[Section]:
     """Tracked frames."""
     if not frames:
         return []
-    pictures = tuple(Picture(data_uri(content, _media_type(content)), caption) for content, caption in frames)
+    pictures = tuple(
+        Picture(data_uri(content, "image/png" if content.startswith(PNG) else "image/jpeg"), caption)
+        for content, caption in frames
+    )
     return [Section("frames", "Tracked video", pictures=pictures)]
-
-
-def _media_type(content: bytes) -> str:
-    return "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"

@@ -70,7 +70,7 @@ def of_comparison(steps: Sequence[Fit]) -> str:
 
 
 def _explains(fit: Fit) -> str:
-    """That pure error leaves nothing to explain, and which implausible parameter values that takes, if any."""
+    """The statement that a fit explains the data, with the implausible values that it needs, if any."""
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
     if only := only_with(fit):
         return f"explains the data ({p}), but {only}"

@@ -41,7 +41,8 @@ def _atlas(argv: Sequence[str]) -> None:
         "--formats", type=_formats, default=FORMATS, help=f"which of {','.join(FORMATS)} (default: all)"
     )
     args = parser.parse_args(argv)
-    folder = args.out or _default_folder(args.data[0])
+    data = args.data[0]
+    folder = args.out or (data if data.is_dir() else Path()) / "atlas"
     _check_folder(folder)
     _draw(args, folder)
 
@@ -87,10 +88,6 @@ def _formats(text: str) -> tuple[str, ...]:
     if not names or any(name not in FORMATS for name in names):
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of {', '.join(FORMATS)}")
     return names
-
-
-def _default_folder(data: Path) -> Path:
-    return (data if data.is_dir() else Path()) / "atlas"
 
 
 def _check_folder(folder: Path) -> None:

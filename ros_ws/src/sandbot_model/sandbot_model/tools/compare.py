@@ -82,15 +82,12 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
-    if args.effects_from:
-        own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys())
-        if not set(own) & set(selection.effects):
-            print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
+    own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys()) if args.effects_from else []
+    if own and not set(own) & set(selection.effects):
+        print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
     if held:
-        print(
-            filled(f"last step held by hand: {held}; nothing is refitted: all else, and its error, as before"),
-            end="\n\n",
-        )
+        unchanged = "nothing is refitted: all else, and its error, as before"
+        print(filled(f"last step held by hand: {held}; {unchanged}"), end="\n\n")
     print(_tables(steps, arguments.ALL if args.verbose else FEW))
     content = steps.to_dict()
     content["data"]["notes"] = [*assumed(trials, cells), *notes]

@@ -109,11 +109,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
 
 
 def _write(
-    args: argparse.Namespace,
-    found: "Discovery",
-    trials: "Trials",
-    notes: Sequence[str],
-    rates: "Sequence[ErrorRates]",
+    args: argparse.Namespace, found: "Discovery", trials: "Trials", notes: Sequence[str], rates: "Sequence[ErrorRates]"
 ) -> None:
     """Write the files that ``--next``, ``--json`` and ``--html`` name."""
     if args.next is not None:

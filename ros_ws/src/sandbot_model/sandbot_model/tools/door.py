@@ -158,13 +158,7 @@ def discover(
     cells = cells_of(trials, readings)
     with Processes(workers).map() as fit_all:
         found = discovering.discover(
-            cells,
-            effects,
-            base=model,
-            max_effects=max_effects,
-            criteria=criteria,
-            fit_all=fit_all,
-            progress=progress,
+            cells, effects, base=model, max_effects=max_effects, criteria=criteria, fit_all=fit_all, progress=progress
         )
     found = tried_with_other_gaits(found, trials, readings)
     return Found(found, trials, (*assumed(trials, cells, criteria), *notes, *cells.notes))

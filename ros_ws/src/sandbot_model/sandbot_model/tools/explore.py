@@ -55,7 +55,7 @@ def _exit_now(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _explore(argv: Sequence[str]) -> None:
+def _parser() -> cli.Parser:
     parser = cli.Parser(prog="explore", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     arguments.add_setting(parser)
@@ -73,7 +73,11 @@ def _explore(argv: Sequence[str]) -> None:
         help="processes that fit ahead (default: one per CPU, 4 at most)",
     )
     parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
-    args = parser.parse_args(argv)
+    return parser
+
+
+def _explore(argv: Sequence[str]) -> None:
+    args = _parser().parse_args(argv)
     if not 0 <= args.port <= 65535:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
     arguments.criteria(args)

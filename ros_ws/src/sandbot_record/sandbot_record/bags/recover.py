@@ -103,12 +103,7 @@ def recover(source: Path, target: Path) -> Recovery:
 
 
 def _copy(
-    batch: Batch,
-    definitions: Definitions,
-    bag: Bag,
-    writer: BagWriter,
-    films: Mapping[str, Transfer],
-    result: Recovery,
+    batch: Batch, definitions: Definitions, bag: Bag, writer: BagWriter, films: Mapping[str, Transfer], result: Recovery
 ) -> None:
     topics: dict[int, TopicInfo | None] = {}
     for row, fields in enumerate(batch.rows):

@@ -67,7 +67,7 @@ class BagWriter:
     """Writes a bag; a context manager. Raises InputError if the bag exists, OSError if the disk is full.
 
     ``flush_period_s``: longest time, on the clock of the log times, that a message stays in memory; 0 leaves
-    flushing to full chunks. ``on_split`` is called with the name of each new file. Not thread-safe.
+    flushing to full chunks. Not thread-safe.
     """
 
     def __init__(
@@ -80,7 +80,6 @@ class BagWriter:
         fsync: bool = False,
         split: Split = Split(),
         whole: bool = True,
-        on_split: Callable[[str], None] | None = None,
         profile: str = ROS2,
     ) -> None:
         if compression not in COMPRESSIONS:
@@ -93,7 +92,7 @@ class BagWriter:
             raise InputError(f"{str(path)!r}: not UTF-8; give the bag another name") from None
         self.path = path
         self._final = path
-        self._split, self._on_split = split, on_split
+        self._split = split
         self._storage: dict[str, Any] = {"compression": compression, "chunk_size": chunk_size, "profile": profile}
         self._flush_ns, self._fsync = int(flush_period_s * SECOND_NS), fsync
         self._flushed_ns: int | None = None
@@ -305,8 +304,6 @@ class BagWriter:
             if self._folder != self._final:
                 shutil.rmtree(self._folder, ignore_errors=True)
             raise
-        if len(self.info.files) > 1 and self._on_split is not None:
-            self._on_split(name)
 
     def _write_metadata(self) -> None:
         """Update metadata.yaml before the messages, unless a crash would leave no folder anyway."""

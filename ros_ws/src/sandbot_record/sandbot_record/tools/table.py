@@ -30,42 +30,39 @@ def _table(argv: Sequence[str]) -> int:
     )
     add_crew(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
-    skipped: Mapping[Path, str] = {}
-    has_bags = False
-    out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
-        out = out or check_output(first / table.TRIALS_CSV)
+        out = options.out or check_output(first / table.TRIALS_CSV)
         # Absolute, because the workers of a cluster have another working directory.
         with crew_of(options) as crew:
             crew.check(first)
             report = table.make(first.absolute() if options.dask else first, crew, out)
-        rows, skipped, has_bags = report.trials, report.skipped, bool(report.bags)
+        _tell(report.trials, report.skipped, out, of_bags=bool(report.bags))
+        return 1 if report.skipped else 0
+    no_crew(options, "only the bags of one folder are shared out; these are read one by one")
+    out = options.out and table.check_no_column_lost(options.out)
+    rows = read(options.data)
+    if out is not None:
+        with writing(out):
+            write_csv(rows, out)
     else:
-        no_crew(options, "only the bags of one folder are shared out; these are read one by one")
-        out = out and table.check_no_column_lost(out)
-        rows = read(options.data)
-        if out is not None:
-            with writing(out):
-                write_csv(rows, out)
-    if out is None:
         print(to_csv(rows), end="")
-    else:
-        print(
-            f"{out}: {counted(len(rows), 'trial')}, {rows.excluded} not usable, {counted(len(skipped), 'bag')} skipped"
-        )
+    _tell(rows, {}, out, of_bags=False)
+    return 0
+
+
+def _tell(rows: Trials, skipped: Mapping[Path, str], out: Path | None, *, of_bags: bool) -> None:
+    """Say what was written to ``out``, and what is odd about it."""
+    if out is not None:
+        usable = f"{rows.excluded} not usable"
+        print(f"{out}: {counted(len(rows), 'trial')}, {usable}, {counted(len(skipped), 'bag')} skipped")
+    lines = [f"note: {line}" for line in rows.unread]
+    lines += [f"not usable: {row.trial_id}: {row.status}" for row in rows.select(rows.status != OK).rows()]
+    lines += [f"skipped: {line}" for line in skipped.values()]
+    gaps = _gaps(rows.select(rows.usable)) if of_bags else []
+    lines += [f"not measured: {line} (info on a bag says why)" for line in gaps]
     # Not mixed with the table on standard output, which may be redirected to a file.
-    stream = sys.stderr if out is None else sys.stdout
-    for line in rows.unread:
-        print(f"note: {line}", file=stream)
-    for row in rows.select(rows.status != OK).rows():
-        print(f"not usable: {row.trial_id}: {row.status}", file=stream)
-    for line in skipped.values():
-        print(f"skipped: {line}", file=stream)
-    if has_bags:
-        for line in _gaps(rows.select(rows.usable)):
-            print(f"not measured: {line} (info on a bag says why)", file=stream)
-    return 1 if skipped else 0
+    print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr if out is None else sys.stdout)
 
 
 def _gaps(usable: Trials) -> list[str]:

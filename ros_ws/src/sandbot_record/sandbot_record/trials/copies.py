@@ -11,7 +11,7 @@ from sandbot_record.trials.table import MEASURED, OK, Row
 LONG_DIGITS = 6
 """Digits from which a measured value does not agree by chance in two trials; a ratio such as 1 m in 5.3 s still may."""
 MIN_LONG_VALUES = 2
-"""Values of so many digits from which two trials that agree in all measured values are copies."""
+"""Two trials that agree in all measured values are copies if at least this many of these have ``LONG_DIGITS``."""
 SET_POINT_DECIMALS = 3
 """A φ of at most so many decimals is taken for a set-point, not a measurement."""
 TELLING_DIGITS = 3
@@ -19,8 +19,8 @@ TELLING_DIGITS = 3
 COMMON_DIGITS = 2
 """Leading digits that replicates share: each further digit agrees by chance once in ten."""
 BY_CHANCE = 1e-3
-"""Expected number of blocks as long that repeat by chance, or chance that all trials of a table agree with trials of
-another, below which they are copies."""
+"""Below this, rows are copies: the expected number of equally long blocks that repeat by chance, or the chance that all
+trials of a table agree with trials of another."""
 TOO_OFTEN = 10
 """Number of equal rows beyond which they are due to rounding."""
 MOST_NAMED = 5

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sandbot_common import topics
 from sandbot_record.bags import metadata
 from sandbot_record.bags.reader import Bag
-from sandbot_record.trials.film import KEPT, Film, film_of
+from sandbot_record.trials.film import KEPT, film_of
 from sandbot_record.trials.from_bags import bags_in
 
 Strip = list[tuple[bytes, str]]
@@ -30,13 +30,11 @@ def of_bag(path: Path) -> Strip:
     info = metadata.read(path) if path.is_dir() else None
     kept = info is not None and any(topic.name in KEPT and topic.count for topic in info.topics)
     film = film_of(Bag.open(path)) if kept else None
-    return _strip(film, path.name) if film is not None else []
-
-
-def _strip(film: Film, name: str) -> Strip:
+    if film is None:
+        return []
     moments = _moments(film.marks[topics.FRONT_AXLE], film.zero_ns)
     wanted = [int(np.argmin(np.abs(film.stamp_ns - t))) for t in moments]
-    return [(film.jpeg(i), f"t = {film.time_s[i]:.2f} s ({name}, lateral camera)") for i in wanted]
+    return [(film.jpeg(i), f"t = {film.time_s[i]:.2f} s ({path.name}, lateral camera)") for i in wanted]
 
 
 def _moments(axle: Any, zero_ns: int) -> NDArray[np.float64]:

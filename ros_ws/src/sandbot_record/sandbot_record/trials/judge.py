@@ -160,8 +160,6 @@ def _periodic(bag: Bag, moving: Times, omega_rad_s: float) -> str:
 
 
 def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
-    if not _has(bag, topics.LEG_STATES.name):
-        return "robot: no leg states"
     states = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
     if gap := _gap(states.stamp_ns, start_ns, end_ns, ROBOT_GAP_S):
         return _behind(bag) or f"robot: no leg states for {gap}"

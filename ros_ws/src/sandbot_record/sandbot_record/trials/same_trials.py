@@ -70,7 +70,7 @@ def also_in(table: Table, other: Table) -> dict[str, str]:
 
 
 def overlap(table: Table, other: Table) -> int:
-    """Number of trials that agree with trials of another table, if chance does not explain so many; else 0."""
+    """Number of trials that agree with trials of another table; 0 if that many may agree by chance."""
     pairs = _agreeing(table, other)
     choices = math.comb(min(len(table.counted), len(other.counted)), len(pairs))
     chance = _chance_of(pairs, table, other)
@@ -114,7 +114,7 @@ def _agree_by_name(pairs: Sequence[tuple[Row, Row]]) -> list[tuple[Row, Row]]:
 def _chance_of(pairs: Sequence[tuple[Row, Row]], table: Table, other: Table) -> float:
     """Chance that each of the pairs found agrees although the two are replicates.
 
-    Two replicates agree as often as those of either table are equal, at least as often as their digits suggest.
+    That chance is the rate of equal replicates in either table, but no less than the digits of the values suggest.
     """
     rate = max(table.rate_of_equal, other.rate_of_equal)
     larger, at = (table, 0) if len(table.counted) > len(other.counted) else (other, 1)

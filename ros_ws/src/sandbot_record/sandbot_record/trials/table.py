@@ -145,10 +145,7 @@ class Trials:
 
 
 def from_rows(
-    rows: Sequence[Row],
-    robot: Robot | None = None,
-    frame_rate_hz: float = math.nan,
-    accuracy: Accuracy | None = None,
+    rows: Sequence[Row], robot: Robot | None = None, frame_rate_hz: float = math.nan, accuracy: Accuracy | None = None
 ) -> Trials:
     """A table of rows, with what they share."""
     columns: dict[str, Any] = {

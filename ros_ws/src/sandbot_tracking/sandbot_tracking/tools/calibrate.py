@@ -94,8 +94,7 @@ def read_table(path: Path) -> Table:
     return Table(path, numbers, np.ascontiguousarray(table[:, :2]), np.ascontiguousarray(table[:, 2:]))
 
 
-def command(argv: Sequence[str]) -> int:
-    """The command line."""
+def _parser() -> cli.Parser:
     parser = cli.Parser("calibrate", description=__doc__)
     parser.add_argument("table", type=Path, help=f"CSV of {', '.join(COLUMNS)}")
     parser.add_argument("--name", required=True, choices=tuple(topics.VIEWS), help="which camera this is")
@@ -113,7 +112,12 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--marker", type=float, help="their side as a fraction of the squares' (default: 0.75)")
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml with the lens of that camera, which is kept")
     parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
-    given = parser.parse_args(argv)
+    return parser
+
+
+def command(argv: Sequence[str]) -> int:
+    """The command line."""
+    given = _parser().parse_args(argv)
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
     if len(ways) > 1:
         raise InputError(f"{' and '.join(ways)} both give the lens: choose one")

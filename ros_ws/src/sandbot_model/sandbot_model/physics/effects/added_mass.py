@@ -22,7 +22,6 @@ class AddedMass(Effect):
     parameters = (Parameter("c_g", "1", 2.0, 3.5, 2.7, "added mass coefficient", neutral=0.0, hard_low=0.0),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         robot = chain.robot
         cone = np.pi / 3 * (robot.leg_width_m * robot.leg_radius_m / np.pi) ** 1.5 * np.tan(CONE_ANGLE)
         chain.added_mass = chain.added_mass + p["c_g"] * chain.phi * GRAIN_DENSITY * cone

@@ -25,7 +25,6 @@ class BedSlope(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         robot = chain.robot
         downhill = robot.legs_per_tripod * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
         chain.gravity = chain.gravity * np.cos(p["chi_rad"])

@@ -19,7 +19,6 @@ class BellyCoast(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         robot = chain.robot
         below = np.maximum(chain.depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
         touch_down = 2 * chain.stance / chain.standing_time * below

@@ -22,6 +22,5 @@ class CableDrag(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         grip = np.clip(1 - p["f_c_n"] / horizontal_force(chain), 0.0, 1.0)
         chain.creep(grip)

@@ -30,6 +30,5 @@ class CarriedMomentum(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         if not chain.first_step:
             chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * chain.speed, 0.0)

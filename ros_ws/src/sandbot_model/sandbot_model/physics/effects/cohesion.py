@@ -16,5 +16,4 @@ class Cohesion(Effect):
     parameters = (Parameter("c_pa", "Pa", 0.0, 500.0, 200.0, "cohesion", neutral=0.0, hard_low=0.0, symbol="c"),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.extra_force = chain.extra_force + 2 * p["c_pa"] * chain.robot.leg_width_m * chain.robot.leg_radius_m

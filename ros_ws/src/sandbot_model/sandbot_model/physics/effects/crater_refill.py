@@ -34,7 +34,6 @@ class CraterRefill(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, 1.2)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))

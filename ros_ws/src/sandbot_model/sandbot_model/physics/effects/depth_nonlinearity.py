@@ -17,5 +17,4 @@ class DepthNonlinearity(Effect):
     parameters = (Parameter("n", "1", 0.8, 1.5, 1.2, "exponent of the force over depth", neutral=1.0, hard_low=0.3),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.force = chain.force * np.maximum(chain.penetration / chain.robot.stiffness_depth_m, 1e-9) ** (p["n"] - 1)

@@ -45,7 +45,6 @@ class Dilation(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, S_C)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)

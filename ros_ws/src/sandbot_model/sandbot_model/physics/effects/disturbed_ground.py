@@ -42,7 +42,6 @@ class DisturbedGround(Effect):
     first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         if not chain.first_step:
             share = disturbed_share(chain, p["s_c"])
             # Disturbance only loosens: ground that is already weaker than k_L keeps its k.

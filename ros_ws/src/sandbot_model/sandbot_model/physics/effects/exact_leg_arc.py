@@ -20,7 +20,6 @@ class ExactLegArc(Effect):
     seen_in = "v, L; d > 3.5 cm"
 
     def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
-        """Apply the formula."""
         robot = chain.robot
         radius = robot.leg_radius_m
         # The ground begins at z; the leg's posture follows from its depth.

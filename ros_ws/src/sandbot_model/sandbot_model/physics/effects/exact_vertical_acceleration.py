@@ -14,5 +14,4 @@ class ExactVerticalAcceleration(Effect):
     seen_in = "v, L at high omega"
 
     def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
-        """Apply the formula."""
         chain.lift_ratio = chain.lift_ratio * chain.chord / (2 * chain.robot.leg_radius_m)

@@ -20,5 +20,4 @@ class FiniteDepth(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.k = chain.k * (1 + np.exp(-(chain.robot.bed_depth_m - chain.penetration) / p["l_m"]))

@@ -19,7 +19,6 @@ class InertialDrag(Effect):
     parameters = (Parameter("lambda_1", "1", 0.5, 2.0, 1.0, "drag coefficient", neutral=0.0, hard_low=0.0),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         robot = chain.robot
         area = robot.leg_width_m * robot.leg_radius_m
         chain.extra_force = (

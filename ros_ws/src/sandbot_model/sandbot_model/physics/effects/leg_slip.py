@@ -22,7 +22,6 @@ class LegSlip(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         depth = np.maximum(chain.depth, 1e-6)
         grip = np.clip(1 - p["sigma"] * (chain.robot.stiffness_depth_m / depth) ** 2, 0.0, 1.0)
         chain.creep(grip)

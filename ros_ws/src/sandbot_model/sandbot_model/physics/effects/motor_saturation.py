@@ -40,7 +40,6 @@ class MotorSaturation(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         slow, swing = chain.slow_phase_ratio, chain.swing_ratio
         slow_lag, swing_lag = (np.sqrt(1 + (ratio * chain.omega / p["omega_s_rad_s"]) ** 2) for ratio in (slow, swing))
         share = duty(slow, swing)

@@ -17,5 +17,4 @@ class PhiDependentResponse(Effect):
     parameters = (Parameter("b", "1", -0.5, 1.0, 0.3, "change of Δt over 0.05 of φ", neutral=0.0, hard_low=-0.95),)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.delta_t = chain.delta_t * np.maximum(1 + p["b"] * (chain.phi - 0.61) / 0.05, 0.05)

@@ -25,5 +25,4 @@ class PhiNonuniformity(Effect):
     along_the_track = True
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.sigma_phi = np.hypot(chain.sigma_phi, p["sigma_phi"])

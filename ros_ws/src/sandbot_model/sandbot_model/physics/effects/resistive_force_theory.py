@@ -24,7 +24,6 @@ class ResistiveForceTheory(Effect):
     seen_in = "d, T; loose ground"
 
     def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
-        """Apply the formula."""
         robot = chain.robot
         depths, shape = _shape(robot)
         chain.force = chain.force * np.interp(chain.penetration, depths, shape)

@@ -45,7 +45,6 @@ class SlowPhaseSpeed(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         swing = NEVER if chain.first_step else chain.swing_ratio
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
         faster = np.maximum(chain.swing_ratio * np.cos(chain.slow_reach) / chain.slow_phase_ratio, 1.0)

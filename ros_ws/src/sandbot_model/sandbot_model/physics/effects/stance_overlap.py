@@ -29,5 +29,4 @@ class StanceOverlap(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.kept = chain.kept * (1 - p["eta"])

@@ -18,5 +18,4 @@ class SwimmingThrust(Effect):
     replaces = ("v_swim_m_s",)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Apply the formula."""
         chain.v_swim = np.minimum(p["thrust_m_s2"] / chain.omega, chain.leg_speed / np.pi)

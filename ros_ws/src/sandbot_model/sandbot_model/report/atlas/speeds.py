@@ -22,7 +22,7 @@ from sandbot_model.report.atlas.style import (
     speed_line,
 )
 from sandbot_model.report.curves import swim_m_s
-from sandbot_model.report.view import bands, frequencies
+from sandbot_model.report.view import bands, frequencies, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,8 +106,9 @@ def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]"
 def _lines(panel: "Axes", material: Material, fit: Fit, first: Fit | None = None, **looks: Any) -> None:
     cells = material.cells
     omega = np.linspace(0.5, 1.05 * cells.omega.max(), POINTS)
-    for band, colour in zip(bands(cells), _band_colours(material), strict=True):
-        for which, how in ((first, GHOST), (fit, {"color": colour, **looks})):
+    colours = phi_colours(len(cells.level_phi))
+    for band in bands(cells):
+        for which, how in ((first, GHOST), (fit, {"color": colours[band.level], **looks})):
             if which is not None:
                 found = which.predict(np.full_like(omega, band.phi), omega, cells.clock[band.cells[0]])
                 speed_line(panel, omega, found, swim_m_s(which), **how)
@@ -169,9 +170,4 @@ def _phi_caption(material: Material, omegas: Floats) -> str:
 
 
 def _model_name(fit: Fit) -> str:
-    return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
-
-
-def _band_colours(material: Material) -> list[tuple[float, ...]]:
-    colours = phi_colours(len(material.cells.level_phi))
-    return [colours[band.level] for band in bands(material.cells)]
+    return " + ".join([f"the {fit.model.base} model", *map(readable, fit.effects)])
