@@ -185,9 +185,7 @@ def test_an_end_of_the_reading_that_many_walkers_share_is_named():
 
 def test_heights_of_the_axles_in_place_of_lifts_are_named():
     heights = replace(CLEAN, lift_m=CLEAN.lift_m + 0.025)
-    (note,) = checked(heights)
-    assert note.startswith("lift_m is 0.02")
-    assert "is it the height of the axles, 0.025 at rest?" in note
+    assert any("is it the height of the axles, 0.025 at rest?" in note for note in checked(heights))
     # Controls: strong ground on which a body does rise so high, at the speed that belongs to it; and a lost step.
     strong = trials(World(k_knots_n_per_m=(700.0, 800.0, 900.0)))
     assert strong.lift_m.min() > 0.025

@@ -43,16 +43,21 @@ def changes_something(effect: Effect) -> bool:
 
     Exceptions of its ``apply`` are passed on.
     """
-    return any(
+    return any(_changes(effect, robot) for robot in ROBOTS)
+
+
+def _changes(effect: Effect, robot: Robot) -> bool:
+    """The same of one robot; both the first step and later ones are run in any case."""
+    changed = [
         np.any(here != there)
-        for robot in ROBOTS
         for first_step in (False, True)
         for here, there in zip(
             _filled(effect, (effect,), first_step, robot=robot),
             _filled(effect, (), first_step, robot=robot),
             strict=True,
         )
-    )
+    ]
+    return any(changed)
 
 
 def is_repeatable(effect: Effect) -> bool:
