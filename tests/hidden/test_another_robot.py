@@ -14,6 +14,9 @@ from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.plausibility import doubts, in_doubt
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, Trials, from_rows
 
@@ -46,6 +49,33 @@ def test_the_effect_is_named_with_the_right_robot():
     delta_t = found.steps[-1].parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 3 * delta_t.stderr
     assert found.to_dict()["robot"]["leg_radius_m"] == 0.05
+
+
+def test_disturbed_ground_fits_where_it_carries_this_robot_as_it_does_sandbot():
+    """Its k_L is 249 N/m, which is beyond SandBot's range; on less than 229 N/m this robot swims."""
+    heavier = 1.4
+    robot = Robot(mass_per_leg_kg=heavier * SANDBOT.mass_per_leg_kg)
+    world = World(
+        k_knots_n_per_m=tuple(heavier * k for k in (170.0, 205.0, 220.0)),
+        effects={"disturbed_ground": {"k_l_n_per_m": heavier * 178.0}},
+        robot=robot,
+    )
+    phi, omega = (0.58, 0.59, 0.6, 0.611, 0.622, 0.633), (6, 9, 12, 16, 20, 24)
+    rows = [Row(**row) for row in direct_trials(world, phi, omega, "UNIFORM", 3, seed=1)]
+    cells = cells_of(from_rows(rows, robot))
+    found = fit(model_of("simple", ("disturbed_ground",), EFFECTS, robot), cells)
+    assert found.lack_of_fit_p > 0.01
+    assert not found.implausible
+    k_l = found.parameters["disturbed_ground.k_l_n_per_m"]
+    assert abs(k_l.value - heavier * 178.0) < 3 * k_l.stderr
+    # Control: with SandBot's ranges.
+    rigid = {name: fixed(effect) for name, effect in EFFECTS.items()}
+    assert fit(model_of("simple", ("disturbed_ground",), rigid, robot), cells).lack_of_fit_p < 1e-6
+
+
+def fixed(effect: Effect) -> Effect:
+    """The effect with SandBot's ranges for every robot."""
+    return effect.with_parameters(tuple(replace(one, scales_with=None) for one in effect.parameters))
 
 
 def test_with_another_robots_file_nothing_is_identified_and_the_message_says_why():

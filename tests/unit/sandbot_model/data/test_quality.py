@@ -183,6 +183,16 @@ def test_an_end_of_the_reading_that_many_walkers_share_is_named():
         assert any(f"lift_m is {value} value, in" in note for note in notes)
 
 
+def test_heights_of_the_axles_in_place_of_lifts_are_named():
+    heights = replace(CLEAN, lift_m=CLEAN.lift_m + 0.025)
+    assert any("is it the height of the axles, 0.025 at rest?" in note for note in checked(heights))
+    # Controls: strong ground on which a body does rise so high, at the speed that belongs to it; and a lost step.
+    strong = trials(World(k_knots_n_per_m=(700.0, 800.0, 900.0)))
+    assert strong.lift_m.min() > 0.025
+    assert checked(strong) == ()
+    assert checked(replace(strong, speed_m_s=0.75 * strong.speed_m_s)) == ()
+
+
 def test_rounding_is_no_end_of_the_reading():
     rounded = checked(replace(CLEAN, lift_m=np.round(CLEAN.lift_m, 3), speed_m_s=np.round(CLEAN.speed_m_s, 2)))
     assert not any("does the reading end there" in note for note in rounded)

@@ -1,9 +1,13 @@
 """What the model misses where nothing of the catalogue fits: planted → described, at its stage; not planted → not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from _drawn import drawn as drawn_by
 from sandbot_common.crew import Processes
+from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
@@ -82,6 +86,20 @@ def test_nothing_is_described_where_nothing_is_missing(drawn, seed):
 def test_what_the_fitted_stiffness_absorbs_is_not_described(drawn):
     formula = "hidden: strength: k *= 1 + a*(phi - 0.6); a [1] in 1..3"
     assert suggest_formula(base_fit(drawn(seed=1, formulas=[formula])), EFFECTS) is None
+
+
+def test_a_formula_may_be_one_that_would_change_nothing_of_sandbot():
+    """Legs of a robot whose belly hangs low sink deeper than SandBot's can: to 2R - h."""
+    low = Robot(axle_height_m=0.008)
+    softer = formula_effect("hidden: strength: k *= 1 - a*where(d > 1.4*R, 1, 0); a [1] in 0.05..0.15")
+    trials = drawn_by(
+        Walker((softer,), low), [{"a": 0.1}], np.linspace(0.58, 0.633, 5), (4, 8, 12, 16, 20, 24, 30), 3, 1
+    )
+    base = fit(model_of("simple", (), EFFECTS, low), cells_of(replace(trials, robot=low)))
+    found = suggest_formula(base, EFFECTS)
+    assert found is not None
+    # What is offered can be given as --effect.
+    assert formula_effect(found.formula).identifier == found.name
 
 
 @pytest.mark.slow

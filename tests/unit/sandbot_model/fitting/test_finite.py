@@ -88,3 +88,28 @@ def test_the_one_of_several_that_a_parameter_belongs_to_is_named(cells):
     texts = ("y: speed: kept *= 1 - b; b in 0..0.2", "x: speed: kept *= 1 - sqrt(a)/4; a in -0.1..0.5")
     with pytest.raises(InputError, match=r"effect x: gives no number at .* where x.a is -0.1"):
         check_finite(with_formulas(*texts), cells)
+
+
+RAISES = """
+import numpy as np
+from sandbot_model import Effect
+
+class Boom(Effect):
+    identifier, stage, formula, source, seen_in = "boom", "speed", "v", "-", "v"
+
+    def apply(self, chain, p):
+        if np.any(chain.omega == {omega}):
+            raise RuntimeError("no such\\nground")
+        chain.kept = chain.kept * 0.9
+"""
+
+
+def test_an_effect_that_raises_at_the_conditions_of_the_trials_is_refused(cells, tmp_path):
+    path = tmp_path / "boom.py"
+    path.write_text(RAISES.format(omega=16.0))
+    with pytest.raises(InputError) as raised:
+        EffectSearch(cells, catalogue([path]), "simple")
+    assert str(raised.value) == ("effect boom: fails at the conditions of these trials: RuntimeError: no such ground")
+    # Control: trials at no such ω.
+    path.write_text(RAISES.format(omega=17.0))
+    assert "boom" in EffectSearch(cells, catalogue([path]), "simple").names

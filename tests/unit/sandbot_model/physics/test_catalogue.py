@@ -210,6 +210,19 @@ def test_an_effect_that_sets_nothing_is_refused(tmp_path, nothing):
         effects_in(path)
 
 
+def test_an_effect_without_a_number_at_some_phi_is_not_taken_for_one_without_a_neutral_value(tmp_path):
+    """Whether a φ beyond the root's range occurs is seen when there are trials."""
+    path = tmp_path / "mine.py"
+    does = "        chain.k = chain.k * (1 + {}*np.sqrt(0.632 - chain.phi))"
+    neutral = OWN.replace('"gain")', '"gain", neutral=0.0)')
+    path.write_text("import numpy as np\n" + neutral.replace(DOES, does.format("p['a']")))
+    assert [one.identifier for one in effects_in(path)] == ["boost"]
+    # Control: it must vanish where it gives a number.
+    path.write_text("import numpy as np\n" + neutral.replace(DOES, does.format("(p['a'] + 0.1)")))
+    with pytest.raises(InputError, match="changes something at its neutral value, a = 0"):
+        effects_in(path)
+
+
 def test_an_effect_may_replace_the_swimming_speed(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN.replace("    def apply", '    replaces = ("v_swim_m_s",)\n\n    def apply'))

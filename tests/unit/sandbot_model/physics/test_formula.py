@@ -163,6 +163,7 @@ def test_a_formula_that_changes_nothing_is_refused(late):
         "x: speed: peak *= 1 - a*(d > 0.04); a in 0..0.5",
         "x: balance: m_a = c; c [kg] in 0..0.1",
         "x: balance: d += c; c [m] in 0..0.01",
+        "x: strength: k *= 1 + a*maximum(d/R - 1.64, 0); a in 0..1",  # where legs reach deeper than SandBot's
         "x: clock: beta *= 1 + a; a in -0.5..0.5",
         "x: step: s_0 *= 1 + a; a in -0.5..0.5",
     ],

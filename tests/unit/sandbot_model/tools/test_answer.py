@@ -32,7 +32,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import with_variants
-from sandbot_model.report import captions, figure_sections, rivals, table_sections
+from sandbot_model.report import captions, figure_sections, in_words, rivals, table_sections
 from sandbot_model.report.curves import steps
 from sandbot_model.report.in_words import no_trial
 from sandbot_model.tools import answer, compare, tables
@@ -386,6 +386,20 @@ def test_why_no_trial_is_proposed_and_what_to_do_instead(two):
     lacking = replace(missed, cells=replace(two.cells, mean=mean))
     assert why("unexplained", found=lacking).endswith("; measure the lift, which names most effects")
     assert why("identified", found=lacking) == needless
+
+
+def test_where_the_robot_is_in_doubt_its_legs_are_to_be_measured(two, monkeypatch):
+    """Trials would not help, nor does it matter what is missed."""
+    found = replace(two, verdict=Verdict("unexplained", (), (), ""), next_trials=())
+    for doubted, first in (
+        (("lift with speed and peak speed agree on a leg radius of 3 cm",), "measure the robot's legs first"),
+        ((), "give the trials of each robot or set-up as a table of its own first"),
+    ):
+        monkeypatch.setattr(in_words, "in_doubt", lambda cells: "in doubt")
+        monkeypatch.setattr(in_words, "doubts", lambda cells, doubted=doubted: doubted)
+        assert no_trial(found).startswith(f"no trial is proposed: {first}")
+    monkeypatch.undo()
+    assert "legs" not in no_trial(found)
 
 
 def test_a_plan_is_offered_for_trials_but_not_for_readings(two):

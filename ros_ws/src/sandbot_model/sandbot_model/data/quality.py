@@ -58,6 +58,10 @@ AT_THE_END = 3
 """Ratio of the number of equal values at an end of a column to that of any other value, beyond which they are no
 accident of rounding."""
 LEAST_AT_THE_END = 5
+NEARLY = 0.9
+"""Share of the axles' height at rest below which no reading of that height lies."""
+LOST = 0.7
+"""Step from the speed over step from the lift (the geometry lock): losses leave more than this of a step."""
 A_FEW = 2
 """Number of trials that may be outliers even in a small table, whatever their share."""
 WIDE = 0.0015
@@ -94,6 +98,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
         *_no_peaks(values),
         *_zeros(used, values),
         *_ends_of_reading(used, values),
+        *_axle_heights(used, values),
         *_zero_error_bars(used),
         *_no_levels(used),
         *_far_out(used, values, cell),
@@ -270,6 +275,26 @@ def _ends_of_reading(used: Trials, values: Floats) -> list[str]:
                     "does the reading end there? then leave these empty"
                 )
     return found
+
+
+def _axle_heights(used: Trials, values: Floats) -> list[str]:
+    """Lifts that never come below the height of the axles at rest, and that agree with the speeds only less that."""
+    robot, lift = used.robot or SANDBOT, values[:, Observable.lift]
+    at_rest = robot.axle_height_m
+    least = float(np.nanmin(lift, initial=np.inf))
+    walked = lift - at_rest > SURE_LIFT_M
+    if not (SURE_LIFT_M < NEARLY * at_rest < least and walked.any()):
+        return []
+    step = np.pi * values[walked, Observable.speed] / used.omega_rad_s[walked]
+    as_given, as_heights = (
+        float(np.median(step / step_from_lift(above[walked], robot.leg_radius_m))) for above in (lift, lift - at_rest)
+    )
+    if not as_given < LOST < as_heights:
+        return []
+    return [
+        f"lift_m is {least:.3g} or more in all {np.isfinite(lift).sum()} trials, and too large for their speeds: is it "
+        f"the height of the axles, {at_rest:g} at rest? lift is their rise above that, so subtract {at_rest:g}"
+    ]
 
 
 def _surely_walked(used: Trials, values: Floats) -> Bools:

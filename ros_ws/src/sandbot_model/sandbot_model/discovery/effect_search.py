@@ -43,7 +43,7 @@ from sandbot_model.fitting.global_minimum import (
 )
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.parallel import Map, Progress
-from sandbot_model.physics.effect import Effect, Parameter
+from sandbot_model.physics.effect import Effect, Parameter, of_robot
 from sandbot_model.physics.model import Model, model_of
 
 SURVIVORS = 9
@@ -70,7 +70,7 @@ class EffectSearch:
         fit_all: Map = map,
         progress: Progress = lambda _stage, _done, _total: None,
     ) -> None:
-        self.cells, self.effects, self.base = cells, effects, base
+        self.cells, self.effects, self.base = cells, of_robot(effects, cells.robot), base
         self.criteria, self.fit_all, self.progress = criteria, fit_all, progress
         self.fits: dict[Names, Fit] = {}
         self.tried: list[Fit] = []

@@ -142,7 +142,7 @@ def _with_one_more_effect(search: EffectSearch, formula: SuggestedFormula) -> Na
 
     An effect of the catalogue may show only after a stronger one outside it has been described by the formula.
     """
-    effects = {**search.effects, formula.name: formula_effect(formula.formula)}
+    effects = {**search.effects, formula.name: formula_effect(formula.formula, tried=True)}
     sets = search.extended(formula.effects)
     first, *others = [
         model_of(search.base, (*names, formula.name), effects, search.cells.robot) for names in (formula.effects, *sets)

@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
+import numpy as np
+
+from sandbot_model.data.regime import walks
 from sandbot_model.discovery import one_value
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import nearly_claimed
@@ -13,7 +16,7 @@ from sandbot_model.discovery.next_trials import NextTrial, Proposed
 from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.untested import plainly_missed
-from sandbot_model.discovery.verdict import Verdict, next_best
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, next_best
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
@@ -39,6 +42,7 @@ def remarked(
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     remarks = [implausible_k(search.fits[()])]
     if verdict.status == "adequate":
+        remarks.append(too_few_walked(search.fits[()]))
         remarks.append(nearly_claimed(search.fits, search.criteria))
     if hidden:
         remarks.append(not_excluded(hidden, proposed, search))
@@ -65,6 +69,21 @@ def controls_of(search: EffectSearch, verdict: Verdict) -> dict[str, str]:
     sets = verdict.alternatives
     differing = [name for name in dict.fromkeys(chain(*sets)) if not all(name in names for names in sets)]
     return {name: control for name in differing if (control := search.effects[name].control)}
+
+
+def too_few_walked(base: Fit) -> str:
+    """That a model of walking is hardly tested, where what walked does not determine Δt; empty where it does, where
+    nothing swam, and where trials at a single ω or φ are the reason."""
+    walking, known = walks(base.cells.mean), np.isfinite(base.parameters[RESPONSE_TIME].stderr)
+    if known or walking.all() or one_value.single(base.cells):
+        return ""
+    conditions = len(walking)
+    swam = (
+        f"only {walking.sum()} of {conditions} conditions walked"
+        if walking.any()
+        else f"all {conditions} conditions swam"
+    )
+    return f"{swam}, so walking is hardly tested and Δt not known: run lower ω or higher φ"
 
 
 def worthwhile(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:

@@ -133,7 +133,7 @@ def _fit_guesses(
             model_of(
                 fit.model.base,
                 (*fit.effects, guess.name),
-                {**effects, guess.name: formula_effect(guess.formula(LEAST_CHANGE))},
+                {**effects, guess.name: formula_effect(guess.formula(LEAST_CHANGE), tried=True)},
                 fit.model.robot,
             )
             for guess in some

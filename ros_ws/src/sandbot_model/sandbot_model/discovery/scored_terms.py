@@ -124,7 +124,7 @@ def _slopes(found: Fit, lever: Lever) -> Array:
     """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
     catalogue = found.model.catalogue
     name = unused_name("lever", catalogue)
-    change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
+    change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1", tried=True)
     model = model_of(found.model.base, (*found.effects, name), {**catalogue, name: change}, found.model.robot)
     at = model.names.index(f"{name}.c")
     theta = np.insert(found.state.theta[0], at, 0.0)

@@ -1,4 +1,4 @@
-"""Before a fit: whether a user's effect gives finite numbers at the cells for all plausible parameters.
+"""Before a fit: whether a user's effect runs, and gives finite numbers, at the cells for all plausible parameters.
 
 Without this check NaN would be taken for ground that never holds, and the robot for one that swims.
 """
@@ -29,7 +29,11 @@ def check_finite(model: Model, cells: Cells) -> None:
     theta = np.repeat([[parameter.start for parameter in model.parameters]], 1 + 2 * len(at), axis=0)
     for row, i in enumerate(at):
         theta[1 + 2 * row : 3 + 2 * row, i] = model.parameters[i].low, model.parameters[i].high
-    rows, columns = np.nonzero(_not_finite(model, cells, theta))
+    try:
+        rows, columns = np.nonzero(_not_finite(model, cells, theta))
+    except Exception as error:  # a user's effect may raise anything
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise InputError(f"effect {' + '.join(users)}: fails at the conditions of these trials: {why}") from error
     if not len(rows):
         return
     row, cell = int(rows[0]), int(columns[0])

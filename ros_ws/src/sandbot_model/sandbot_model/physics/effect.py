@@ -1,12 +1,13 @@
 """An effect: a formula at one stage of the chain, with parameters that have plausible ranges."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
@@ -37,6 +38,8 @@ class Parameter:
     """Its symbol in the effect's formula; empty if that is its name."""
     reach: float = 0.5
     """How far a fit may search beyond the plausible range, in units of its width."""
+    scales_with: Callable[[Robot], float] | None = None
+    """What the ranges of two robots are in proportion to; None: SandBot's range holds for every robot."""
 
     @property
     def width(self) -> float:
@@ -65,6 +68,15 @@ class Parameter:
             ends = (("at least", self.hard_low), ("at most", self.hard_high))
             needed = " and ".join(f"{how} {end:g}" for how, end in ends if np.isfinite(end))
             raise InputError(f"{where}={value:g}: {needed} is needed")
+
+    def of(self, robot: Robot) -> "Parameter":
+        """The parameter with its range for this robot, as it is declared with SandBot's."""
+        factor = self.scales_with(robot) / self.scales_with(SANDBOT) if self.scales_with else 1.0
+        if factor == 1.0:
+            return self
+        return replace(
+            self, low=factor * self.low, high=factor * self.high, start=factor * self.start, scales_with=None
+        )
 
     def held_at(self, value: float) -> "Parameter":
         """The parameter with its range reduced to this value."""
@@ -120,6 +132,11 @@ class Effect:
         found.parameters = parameters
         return found
 
+    def of(self, robot: Robot) -> "Effect":
+        """The effect with its ranges for this robot; the same object where they are SandBot's."""
+        own = tuple(parameter.of(robot) for parameter in self.parameters)
+        return self if own == self.parameters else self.with_parameters(own)
+
     def apply(self, chain: Chain, p: Values) -> None:
         """Change the chain's quantities; ``p`` holds this effect's parameters by name."""
         raise NotImplementedError
@@ -128,3 +145,8 @@ class Effect:
 def is_from_catalogue(effect: Effect) -> bool:
     """Whether an effect is the catalogue's, in any convention, and not a user's replacement of it."""
     return bool(effect.variant) or type(effect).__module__.startswith(f"{__package__}.effects.")
+
+
+def of_robot(catalogue: Mapping[str, Effect], robot: Robot) -> dict[str, Effect]:
+    """A catalogue with its ranges for this robot."""
+    return {name: effect.of(robot) for name, effect in catalogue.items()}

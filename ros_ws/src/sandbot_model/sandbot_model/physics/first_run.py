@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter
@@ -23,19 +24,38 @@ INPUTS = Inputs(
 """Shapes as in a fit (rows, cells, nodes): every φ at every ω."""
 
 
+ROBOTS = (
+    SANDBOT,
+    *(
+        Robot(leg_radius_m=radius, axle_height_m=share * radius, leg_width_m=0.3 * radius, mass_per_leg_kg=mass)
+        for radius, mass in ((0.01, 0.1), (0.35, 5.0))
+        for share in (0.1, 0.95)
+    ),
+)
+"""SandBot, and robots with small and large legs of which the belly hangs low and high: legs sink to other depths."""
 NEGLIGIBLE = 1e-9
 """Relative change by an effect at its neutral values that counts as none."""
 
 
 def changes_something(effect: Effect) -> bool:
-    """Whether any observable depends on an effect, at the ends or the start value of its parameters' ranges.
+    """Whether any observable of any of these robots depends on an effect, at the ends or the start value of its
+    parameters' ranges.
 
     Exceptions of its ``apply`` are passed on.
     """
+    return any(_changes(effect, robot) for robot in ROBOTS)
+
+
+def _changes(effect: Effect, robot: Robot) -> bool:
+    """The same of one robot; both the first step and later ones are run in any case."""
     changed = [
         np.any(here != there)
         for first_step in (False, True)
-        for here, there in zip(_filled(effect, (effect,), first_step), _filled(effect, (), first_step), strict=True)
+        for here, there in zip(
+            _filled(effect, (effect,), first_step, robot=robot),
+            _filled(effect, (), first_step, robot=robot),
+            strict=True,
+        )
     ]
     return any(changed)
 
@@ -47,12 +67,15 @@ def is_repeatable(effect: Effect) -> bool:
 
 
 def vanishes(effect: Effect) -> bool:
-    """Whether an effect changes nothing at the neutral values of its parameters; True if none has one."""
+    """Whether an effect changes nothing at the neutral values of its parameters; True if none has one.
+
+    Where it gives no number it is not judged: whether that matters depends on the conditions of the data.
+    """
     if all(parameter.neutral is None for parameter in effect.parameters):
         return True
     at = {p.name: _tried(p) if p.neutral is None else np.full((3, 1, 1), p.neutral) for p in effect.parameters}
     return all(
-        np.allclose(here, there, rtol=NEGLIGIBLE, atol=NEGLIGIBLE, equal_nan=True)
+        np.all(np.isnan(here) | np.isclose(here, there, rtol=NEGLIGIBLE, atol=NEGLIGIBLE))
         for first_step in (False, True)
         for here, there in zip(_filled(effect, (effect,), first_step, at), _filled(effect, (), first_step), strict=True)
     )
@@ -65,13 +88,17 @@ def observed_quantities(chain: Chain) -> tuple[Array, ...]:
 
 
 def _filled(
-    effect: Effect, effects: tuple[Effect, ...], first_step: bool, at: Mapping[str, Array] | None = None
+    effect: Effect,
+    effects: tuple[Effect, ...],
+    first_step: bool,
+    at: Mapping[str, Array] | None = None,
+    robot: Robot = SANDBOT,
 ) -> Iterator[Array]:
     """The observed quantities, and others that effects of later stages may read; the parameters of each of ``effects``
     are ``at`` these values, or at the ends and start of their ranges."""
-    walker = Walker(effects)
+    walker = Walker(effects, robot)
     params: Params = [at or {p.name: _tried(p) for p in own.parameters} for own in effects]
-    chain = walker.chain(INPUTS, params, depth_grid(walker.robot), first_step=first_step)
+    chain = walker.chain(INPUTS, params, depth_grid(robot), first_step=first_step)
     yield from observed_quantities(chain)
     if effect.stage != "balance":
         yield from (chain.chord, chain.slow_phase_ratio, chain.swing_ratio, chain.slow_begin, chain.slow_end)

@@ -16,6 +16,16 @@ def critical_k_n_per_m(robot: Robot) -> float:
     return robot.mass_per_leg_kg * robot.gravity_m_s2 / deepest_m(robot)
 
 
+def leg_radius_m(robot: Robot) -> float:
+    """R, to which lengths in the ground are in proportion."""
+    return robot.leg_radius_m
+
+
+def froude_speed_m_s(robot: Robot) -> float:
+    """√(gR): speeds of robots of all sizes over it are alike."""
+    return float(np.sqrt(robot.gravity_m_s2 * robot.leg_radius_m))
+
+
 def depth_at(robot: Robot, angle_rad: Array) -> Array:
     """Depth [m] of a leg's lowest point at this angle of its centre (0: straight below), belly on the surface."""
     return np.asarray(robot.leg_radius_m * (1 + np.cos(angle_rad)) - robot.axle_height_m)

@@ -13,8 +13,9 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue
+from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue, of_robot
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
+from sandbot_model.physics.geometry import froude_speed_m_s
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
 if TYPE_CHECKING:
@@ -22,7 +23,16 @@ if TYPE_CHECKING:
 
 BASE_PARAMETERS = (
     Parameter("delta_t_s", "s", 0.1, 1.2, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
-    Parameter("v_swim_m_s", "m/s", 0.0, 0.05, V_SWIM_M_S, "swimming speed, the same everywhere", hard_low=0.0),
+    Parameter(
+        "v_swim_m_s",
+        "m/s",
+        0.0,
+        0.05,
+        V_SWIM_M_S,
+        "swimming speed, the same everywhere",
+        hard_low=0.0,
+        scales_with=froude_speed_m_s,
+    ),
 )
 """Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted so that a robot that swims a little faster is not
 mistaken for one with a missing effect."""
@@ -97,7 +107,7 @@ class Model:
     def _by_name(self) -> dict[str, Parameter]:
         effects = self.walker.effects
         replaced = {name for effect in effects for name in effect.replaces}
-        base = {parameter.name: parameter for parameter in BASE_PARAMETERS if parameter.name not in replaced}
+        base = {own.name: own.of(self.robot) for own in BASE_PARAMETERS if own.name not in replaced}
         if any(effect.at_the_slow_rate for effect in effects):
             usual = base["delta_t_s"]
             base["delta_t_s"] = replace(usual, low=SLOWEST * usual.low)
@@ -150,8 +160,10 @@ def model_of(
             raise InputError(f"effect {name!r} is part of the {base} model already")
         if list(effects).count(name) > 1:
             raise InputError(f"effect {name!r} is named twice")
+    robot = robot or SANDBOT
+    catalogue = of_robot(catalogue, robot)
     chosen = tuple(effect for name, effect in catalogue.items() if name in effects)
-    model = Model(base, chosen, catalogue, robot or SANDBOT, held or {})
+    model = Model(base, chosen, catalogue, robot, held or {})
     for name in model.held:
         if name not in model.names:
             raise InputError(f"{name!r} is held but no parameter of the model{did_you_mean(name, model.names)}")

@@ -28,6 +28,8 @@ _DISTURBED = _STEP.format(reach="s_c")
 _SMOOTH = "(1 - first)/(1 + exp((step*kept/R - s_c)/10**log_width)); log_width [1] in -2.5..-0.5"
 _USUAL = "clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
 _OVER_DEPTH = _RAMP.format(reach="s_c", at=f"step*kept/{_DEPTH}")
+_USUAL_K = "(1.2227*m*g/(2*R - h))"
+"""k of ground on which a robot walks: SandBot's 200 N/m."""
 _DILATED = "(K(phi + xi*(phi_c - phi)) - K(phi))"
 _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
@@ -72,8 +74,8 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
         "a smooth ramp": f"k - maximum(k - k_l_n_per_m, 0)*{_SMOOTH}",
-        "a share of k": f"k - k*(1 - k_l_n_per_m/200)*{_DISTURBED}{_WIDTH}",
-        "a share of k, by a smooth ramp": f"k - k*(1 - k_l_n_per_m/200)*{_SMOOTH}",
+        "a share of k": f"k - k*(1 - k_l_n_per_m/{_USUAL_K})*{_DISTURBED}{_WIDTH}",
+        "a share of k, by a smooth ramp": f"k - k*(1 - k_l_n_per_m/{_USUAL_K})*{_SMOOTH}",
         "a part of k beyond k_L": f"k - part*maximum(k - k_l_n_per_m, 0)*{_USUAL}; part [1] in 0.2..1",
         "by step over depth": f"k - maximum(k - k_l_n_per_m, 0)*{_OVER_DEPTH}{_WIDTH}",
     },

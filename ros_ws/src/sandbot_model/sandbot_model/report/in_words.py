@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import level_name
 from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.plausibility import doubts, in_doubt
 from sandbot_model.discovery.verdict import INCOMPLETE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted
@@ -118,6 +119,10 @@ def no_trial(found: Discovery) -> str:
         return "no trial is proposed: only a penetrometer would show the difference"
     if found.verdict.status not in INCOMPLETE:
         return "no trial is proposed: none is needed, or none within reach would help"
+    if in_doubt(found.cells):
+        measure = "measure the robot's legs first, and give robot.yaml with them"
+        split = "give the trials of each robot or set-up as a table of its own first"
+        return f"no trial is proposed: {measure if doubts(found.cells) else split}"
     fails = next((fit.fails for fit in (*found.fits[:1], found.fit) if fit.fails), ())
     missed = [f"φ {level_name(found.cells, fail.cell)}, ω {fail.omega_rad_s:.3g} rad/s" for fail in fails]
     where = [*dict.fromkeys(missed)][:MOST_REPEATED]

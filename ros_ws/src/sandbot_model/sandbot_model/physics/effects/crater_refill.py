@@ -4,6 +4,7 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain, disturbed_share
 from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.geometry import leg_radius_m
 
 
 class CraterRefill(Effect):
@@ -17,7 +18,16 @@ class CraterRefill(Effect):
     control = "draw a leg out of the ground and film how its crater refills"
     parameters = (
         Parameter(
-            "z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0, symbol="z_0"
+            "z_0_m",
+            "m",
+            0.003,
+            0.015,
+            0.008,
+            "depth of a fresh crater",
+            neutral=0.0,
+            hard_low=0.0,
+            symbol="z_0",
+            scales_with=leg_radius_m,
         ),
         Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01, symbol="tau"),
     )

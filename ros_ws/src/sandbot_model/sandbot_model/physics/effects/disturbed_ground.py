@@ -4,6 +4,7 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain, disturbed_share
 from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.geometry import critical_k_n_per_m
 
 
 class DisturbedGround(Effect):
@@ -17,7 +18,15 @@ class DisturbedGround(Effect):
     control = "prepare the ground anew before every step: the collapse vanishes"
     parameters = (
         Parameter(
-            "k_l_n_per_m", "N/m", 165.0, 185.0, 175.0, "stiffness of disturbed ground", hard_low=0.0, symbol="k_L"
+            "k_l_n_per_m",
+            "N/m",
+            165.0,
+            185.0,
+            175.0,
+            "stiffness of disturbed ground",
+            hard_low=0.0,
+            symbol="k_L",
+            scales_with=critical_k_n_per_m,
         ),
         Parameter(
             "s_c",
