@@ -17,7 +17,7 @@ The search fits every set without nuisances, and ``judge`` draws a first verdict
 The named set is reported as refitted, so that its standard errors include the nuisances.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -64,6 +64,8 @@ PASSES = 2
 """Fits of each set: the second uses the precision of the batch offsets in the first."""
 LEAST_GAIN = 0.5
 """Decrease of the deviance from which a fit replaces an earlier one."""
+NEAREST = 2
+"""Number of rivals that are refitted from a claim of several effects with offsets of k."""
 ROUGH_FACTOR = 1.5
 """Scatter of a rough bed, in units of its prior."""
 ABSORBED = 2
@@ -254,7 +256,7 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
         return None
     fits |= _refitted(search, [names for names in search.fits if len(names) == 1], batch_sd)
     verdict = judge(fits, search.criteria)
-    while verdict.effects and (lower := _improved_parts(fits, verdict.effects, search.criteria, batch_sd)):
+    while verdict.effects and (lower := _improved_beside(fits, verdict.effects, search.criteria, batch_sd)):
         fits |= lower
         verdict = judge(fits, search.criteria)
     named = fits[verdict.effects]
@@ -345,23 +347,55 @@ def _scatter_threshold(fit: Fit, batches: int, criteria: Criteria) -> float:
     return float(max(claim_threshold(fit, criteria), ratio * overdispersion(fit)))
 
 
+def _improved_beside(fits: dict[Names, Fit], names: Names, criteria: Criteria, batch_sd: BatchSd) -> dict[Names, Fit]:
+    """What a set is compared with that fits better when refitted from its minimum: its parts and, where batches have
+    offsets of k beside several effects, its rivals; then the set itself is searched as closely.
+
+    Such offsets turn cells into walkers or swimmers: a search from a set's own fit without offsets ends in another basin
+    than one from the offsets of a rival.
+    """
+    lower = _improved_parts(fits, names, criteria, batch_sd)
+    if len(names) > 1 and batch_sd[BATCH]:
+        some = [names, *_nearest_rivals(fits, names)]
+        lower |= _improved(fits, names, some, criteria, batch_sd, criteria.clearly)
+    return lower
+
+
+def _nearest_rivals(fits: Mapping[Names, Fit], names: Names) -> list[Names]:
+    """The best sets by BIC that have one other effect in place of one of a set's."""
+    others = [key for key in fits if len(key) == len(names) == len({*key, *names}) - 1]
+    return sorted(others, key=lambda key: fits[key].bic)[:NEAREST]
+
+
 def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, batch_sd: BatchSd) -> dict[Names, Fit]:
-    """Parts of a set that fit better when refitted from the minimum of the set.
+    """Parts of a set that fit better when refitted from the minimum of the set."""
+    return _improved(fits, names, parts_of(names, fits), criteria, batch_sd, LEAST_GAIN)
+
+
+def _improved(
+    fits: Mapping[Names, Fit],
+    names: Names,
+    others: Iterable[Names],
+    criteria: Criteria,
+    batch_sd: BatchSd,
+    least_gain: float,
+) -> dict[Names, Fit]:
+    """Those of the ``others`` that fit better by a ``least_gain`` when refitted from the minimum of a set.
 
     Where steps disturb the ground for later ones, each parameter is also scanned.
     """
-    found, larger = {}, fits[names]
-    assert larger.nuisances is not None
-    for part in parts_of(names, fits):
-        before = fits[part]
-        own = replace(nuisances_for(before, criteria, batch_sd), initial=larger.nuisances.initial)
-        point = solve_near((before.model, before.cells, (larger.warm_start,), own))
+    found, origin = {}, fits[names]
+    assert origin.nuisances is not None
+    for other in others:
+        before = fits[other]
+        own = replace(nuisances_for(before, criteria, batch_sd), initial=origin.nuisances.initial)
+        point = solve_near((before.model, before.cells, (origin.warm_start,), own))
         better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
-        if before.model.walker.remembers and better.deviance < far_above(larger.deviance):
+        if before.model.walker.remembers and better.deviance < far_above(origin.deviance):
             # The deviance has many shallow local minima: an apparent gain may only be the difference between two.
             better = lowest_along(better)
-        if better.deviance < before.deviance - LEAST_GAIN:
-            found[part] = better
+        if better.deviance < before.deviance - least_gain:
+            found[other] = better
     return found
 
 
