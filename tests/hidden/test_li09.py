@@ -102,6 +102,20 @@ def test_a_strong_week_in_the_papers_world_is_no_effect(monkeypatch):
 
 
 @pytest.mark.whole
+def test_rivals_with_offsets_of_days_are_searched_from_each_others_before_one_is_claimed(monkeypatch):
+    """With a control: from its own offsets the truth has a deviance of 317, where 151 is possible."""
+    of = cells_of_week("omega", k_batch_sd=0.01, k_drift=-0.03, lift_zero_m=-1e-3, speed_scale=0.01)
+    effects = {name: EFFECTS[name] for name in ("disturbed_ground", "belly_coast", "dilation", "slow_phase_speed")}
+
+    def named() -> set[str]:
+        return set(discover(of, effects).verdict.effects)
+
+    assert named() == set(BASES["li09"])
+    monkeypatch.setattr(sharing, "_nearest_rivals", lambda *_: [])
+    assert named() != set(BASES["li09"])
+
+
+@pytest.mark.whole
 def test_a_fit_on_a_bump_of_a_plain_moves_to_a_lower_place():
     """A mild week. The claim that an effect must earn is 22: by less than what a fit beside offsets is too high here
     three effects were named where nothing is hidden."""

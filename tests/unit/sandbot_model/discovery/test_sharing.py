@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import _drawn
 from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery import nuisances_about
+from sandbot_model.discovery import nuisances_about, sharing
 from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
@@ -18,7 +19,13 @@ from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, estimated_batch_sd, nuisances_for
 from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.residual import suggest_formula
-from sandbot_model.discovery.sharing import _refused_if_parts_suffice, nuisances_suffice, refitted_globally
+from sandbot_model.discovery.sharing import (
+    _improved_beside,
+    _nearest_rivals,
+    _refused_if_parts_suffice,
+    nuisances_suffice,
+    refitted_globally,
+)
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit, fitted_at, refitted
@@ -570,3 +577,24 @@ def test_a_fit_in_another_valley_is_brought_to_the_deepest_where_legs_meet_what_
     base = fit(model_of("simple", (), effects), cells)
     for stays in (base, fitted_at(base.model, cells, base.point, nuisances_for(base, DEFAULT, BatchSd(0.005)))):
         assert refitted_globally(stays) is stays
+
+
+def test_rivals_of_a_claim_differ_from_it_in_one_effect_and_are_the_best():
+    bic = {("a",): 0.0, ("a", "b"): 9.0, ("a", "c"): 4.0, ("b", "d"): 2.0, ("b", "e"): 3.0, ("c", "d"): 1.0}
+    fits = {names: SimpleNamespace(bic=value) for names, value in bic.items()}
+    assert _nearest_rivals(fits, ("a", "b")) == [("b", "d"), ("b", "e")]
+    assert _nearest_rivals(fits, ("a",)) == []
+
+
+@pytest.mark.parametrize(("names", "batch_sd", "rivals"), [
+    (("a", "b"), BatchSd(0.007), True), (("a", "b"), BatchSd(0.0), False), (("a",), BatchSd(0.007), False),
+])  # fmt: skip
+def test_rivals_are_refitted_beside_several_effects_with_offsets_of_k_alone(monkeypatch, names, batch_sd, rivals):
+    asked = []
+    monkeypatch.setattr(
+        sharing, "_improved", lambda _search, _fits, _names, others, *_: asked.append(list(others)) or {}
+    )
+    fits = {key: SimpleNamespace(bic=0.0) for key in (("a",), ("b",), ("a", "b"), ("a", "c"))}
+    assert _improved_beside(SimpleNamespace(criteria=DEFAULT), fits, names, batch_sd) == {}
+    assert (len(asked) > 1) == rivals
+    assert not rivals or asked[1] == [("a", "b"), ("a", "c")]

@@ -17,7 +17,7 @@ The search fits every set without nuisances, and ``judge`` draws a first verdict
 The named set is reported as refitted, so that its standard errors include the nuisances.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -56,6 +56,7 @@ from sandbot_model.discovery.verdict import (
 )
 from sandbot_model.fitting.fit import Fit, fitted_at, refitted
 from sandbot_model.fitting.global_minimum import far_above, solve_from, solve_near, solve_with_nuisances
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.profile import lowest_along
 
 LEADING = 6
@@ -121,7 +122,7 @@ def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Judged | 
     fits, parts = dict(_refitted(search, [()], ALIKE)), set[Names]()
     for names in plain.alternatives:
         there = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
-        there |= _improved_parts(there, names, search.criteria, ALIKE)
+        there |= _improved_parts(search, there, names, ALIKE)
         own = [part for part in parts_of(names, there) if part and _part_suffices(there, names, part, search.criteria)]
         if not own:
             return None
@@ -256,7 +257,7 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
         return None
     fits |= _refitted(search, [names for names in search.fits if len(names) == 1], batch_sd)
     verdict = judge(fits, search.criteria)
-    while verdict.effects and (lower := _improved_beside(fits, verdict.effects, search.criteria, batch_sd)):
+    while verdict.effects and (lower := _improved_beside(search, fits, verdict.effects, batch_sd)):
         fits |= lower
         verdict = judge(fits, search.criteria)
     named = fits[verdict.effects]
@@ -284,7 +285,7 @@ def _if_still_earned(search: EffectSearch, names: Names, batch_sd: BatchSd) -> F
     """The set refitted with nuisances if each of its effects still earns its place; else None."""
     parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], batch_sd)
-    fits |= _improved_parts(fits, names, search.criteria, batch_sd)
+    fits |= _improved_parts(search, fits, names, batch_sd)
     return fits[names] if all(earns_place(fits, names, part, search.criteria) for part in parts) else None
 
 
@@ -347,17 +348,19 @@ def _scatter_threshold(fit: Fit, batches: int, criteria: Criteria) -> float:
     return float(max(claim_threshold(fit, criteria), ratio * overdispersion(fit)))
 
 
-def _improved_beside(fits: dict[Names, Fit], names: Names, criteria: Criteria, batch_sd: BatchSd) -> dict[Names, Fit]:
+def _improved_beside(
+    search: EffectSearch, fits: Mapping[Names, Fit], names: Names, batch_sd: BatchSd
+) -> dict[Names, Fit]:
     """What a set is compared with that fits better when refitted from its minimum: its parts and, where batches have
     offsets of k beside several effects, its rivals; then the set itself is searched as closely.
 
-    Such offsets turn cells into walkers or swimmers: a search from a set's own fit without offsets ends in another basin
-    than one from the offsets of a rival.
+    Such offsets turn cells into walkers or swimmers: a search from a set's own fit without offsets ends in another
+    basin than one from the offsets of a rival.
     """
-    lower = _improved_parts(fits, names, criteria, batch_sd)
+    lower = _improved_parts(search, fits, names, batch_sd)
     if len(names) > 1 and batch_sd[BATCH]:
         some = [names, *_nearest_rivals(fits, names)]
-        lower |= _improved(fits, names, some, criteria, batch_sd, criteria.clearly)
+        lower |= _improved(search, fits, names, some, batch_sd, search.criteria.clearly)
     return lower
 
 
@@ -367,36 +370,43 @@ def _nearest_rivals(fits: Mapping[Names, Fit], names: Names) -> list[Names]:
     return sorted(others, key=lambda key: fits[key].bic)[:NEAREST]
 
 
-def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, batch_sd: BatchSd) -> dict[Names, Fit]:
+def _improved_parts(
+    search: EffectSearch, fits: Mapping[Names, Fit], names: Names, batch_sd: BatchSd
+) -> dict[Names, Fit]:
     """Parts of a set that fit better when refitted from the minimum of the set."""
-    return _improved(fits, names, parts_of(names, fits), criteria, batch_sd, LEAST_GAIN)
+    return _improved(search, fits, names, parts_of(names, fits), batch_sd, LEAST_GAIN)
 
 
 def _improved(
+    search: EffectSearch,
     fits: Mapping[Names, Fit],
     names: Names,
-    others: Iterable[Names],
-    criteria: Criteria,
+    others: Sequence[Names],
     batch_sd: BatchSd,
     least_gain: float,
 ) -> dict[Names, Fit]:
-    """Those of the ``others`` that fit better by a ``least_gain`` when refitted from the minimum of a set.
+    """Those of the ``others`` that fit better by a ``least_gain`` when refitted from the minimum of a set."""
+    origin = fits[names]
+    own = [nuisances_for(fits[other], search.criteria, batch_sd) for other in others]
+    found = search.fit_all(_from_minimum_of, [(fits[other], origin, at) for other, at in zip(others, own, strict=True)])
+    better = dict(zip(others, found, strict=True))
+    return {other: fit for other, fit in better.items() if fit.deviance < fits[other].deviance - least_gain}
+
+
+def _from_minimum_of(task: tuple[Fit, Fit, Nuisances]) -> Fit:
+    """A set refitted from the minimum of another one, with its own nuisances, if that is better.
 
     Where steps disturb the ground for later ones, each parameter is also scanned.
     """
-    found, origin = {}, fits[names]
+    before, origin, own = task
     assert origin.nuisances is not None
-    for other in others:
-        before = fits[other]
-        own = replace(nuisances_for(before, criteria, batch_sd), initial=origin.nuisances.initial)
-        point = solve_near((before.model, before.cells, (origin.warm_start,), own))
-        better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
-        if before.model.walker.remembers and better.deviance < far_above(origin.deviance):
-            # The deviance has many shallow local minima: an apparent gain may only be the difference between two.
-            better = lowest_along(better)
-        if better.deviance < before.deviance - least_gain:
-            found[other] = better
-    return found
+    own = replace(own, initial=origin.nuisances.initial)
+    point = solve_near((before.model, before.cells, (origin.warm_start,), own))
+    better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
+    if before.model.walker.remembers and better.deviance < far_above(origin.deviance):
+        # The deviance has many shallow local minima: an apparent gain may only be the difference between two.
+        better = lowest_along(better)
+    return better
 
 
 def _leading_sets(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
