@@ -27,8 +27,8 @@ WHY = {
     "along the track, are no larger than the scatter of replicates: adequate",
     "verdicts right in the paper's world in a real week": "the others are adequate although an "
     "effect is hidden, or unexplained, mostly where all three effects of the paper were to be found at once",
-    "false claims in the paper's world in a real week": "all in strong doses where three effects were to be "
-    "found at once: one leaves out belly_coast, two name an effect that imitates disturbed_ground",
+    "false claims in the paper's world in a real week": "both in strong doses where three effects were to be found at "
+    "once: one leaves out belly_coast, one names crater_refill in place of disturbed_ground",
 }
 """Reasons by a row's ``what``. A row that machines reach or miss keeps its reason while it is reached."""
 
