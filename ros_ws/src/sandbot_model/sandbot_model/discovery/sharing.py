@@ -387,10 +387,9 @@ def _improved(
 ) -> dict[Names, Fit]:
     """Those of the ``others`` that fit better by a ``least_gain`` when refitted from the minimum of a set."""
     origin = fits[names]
-    own = [nuisances_for(fits[other], search.criteria, batch_sd) for other in others]
-    found = search.fit_all(_from_minimum_of, [(fits[other], origin, at) for other, at in zip(others, own, strict=True)])
-    better = dict(zip(others, found, strict=True))
-    return {other: fit for other, fit in better.items() if fit.deviance < fits[other].deviance - least_gain}
+    tasks = [(fits[other], origin, nuisances_for(fits[other], search.criteria, batch_sd)) for other in others]
+    found = zip(others, search.fit_all(_from_minimum_of, tasks), strict=True)
+    return {other: fit for other, fit in found if fit.deviance < fits[other].deviance - least_gain}
 
 
 def _from_minimum_of(task: tuple[Fit, Fit, Nuisances]) -> Fit:

@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
 from sandbot_record.trials import camera_reports
-from sandbot_record.trials.legs import leg_columns
+from sandbot_record.trials.legs import joint_names, leg_columns
 from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
@@ -177,7 +177,7 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
 
 def _each_leg(bag: Bag, start_ns: int, end_ns: int) -> str:
     """Whether a single leg stood, or all did for a while, as after a reset of their controller."""
-    names = _joints(bag, topics.LEG_SETPOINTS.name) or _joints(bag, topics.LEG_STATES.name)
+    names = joint_names(bag, topics.LEG_SETPOINTS.name) or joint_names(bag, topics.LEG_STATES.name)
     if not names:
         return ""
     try:
@@ -205,11 +205,6 @@ def _turns(wanted: NDArray[np.float64], turned: NDArray[np.float64]) -> tuple[ND
     ends = np.searchsorted(np.maximum.accumulate(wanted), wanted + 2 * np.pi)
     whole = np.flatnonzero(ends < len(wanted))
     return whole, turned[ends[whole]] - turned[whole]
-
-
-def _joints(bag: Bag, topic: str) -> list[str]:
-    """The names of the joints in a topic's messages; empty if it gives none."""
-    return [str(name) for name in next(bag.messages([topic])).decode().name]
 
 
 def _behind(bag: Bag) -> str:

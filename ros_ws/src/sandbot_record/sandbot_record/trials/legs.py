@@ -14,8 +14,7 @@ def leg_columns(bag: Bag, topic: str, order: Sequence[str], *names: str) -> Colu
     naming a leg that is missing.
     """
     columns = bag.columns(topic, *names)
-    message = next(bag.messages([topic]), None)
-    recorded = [] if message is None else [str(name) for name in message.decode().name]
+    recorded = joint_names(bag, topic)
     if not recorded or recorded == list(order):
         return columns
     if missing := [name for name in order if name not in recorded]:
@@ -23,3 +22,9 @@ def leg_columns(bag: Bag, topic: str, order: Sequence[str], *names: str) -> Colu
     at = [recorded.index(name) for name in order]
     fields = {name: value[:, at] if value.ndim == 2 else value for name, value in columns.fields.items()}
     return replace(columns, fields=fields)
+
+
+def joint_names(bag: Bag, topic: str) -> list[str]:
+    """The names of the joints in a topic's messages; empty if it gives none."""
+    message = next(bag.messages([topic]), None)
+    return [] if message is None else [str(name) for name in message.decode().name]
