@@ -41,6 +41,42 @@ def test_there_is_one_process_per_cpu_that_may_be_used(monkeypatch):
     assert one_a_cpu().size == 3
 
 
+INTERRUPTED = """
+import os, signal, sys, threading
+from sandbot_common.crew import Processes
+
+here = os.getpid(), threading.get_ident()
+entered, untouched = 0, threading.Condition.__enter__
+
+def enter(condition):
+    # Ctrl-C comes between taking a lock and the block that would give it back.
+    global entered
+    result = untouched(condition)
+    if (os.getpid(), threading.get_ident()) == here:
+        entered += 1
+        if entered == nth:
+            signal.raise_signal(signal.SIGINT)
+    return result
+
+for nth in range(1, int(sys.argv[1]) + 1):
+    entered = 0
+    try:
+        with Processes(2).map() as spread:
+            threading.Condition.__enter__ = enter
+            list(spread(abs, range(-3, 0)))
+            print("too few locks are taken for this test")
+    except KeyboardInterrupt:
+        threading.Condition.__enter__ = untouched
+"""
+
+
+@pytest.mark.slow
+def test_ctrl_c_within_a_lock_leaves_nothing_locked():
+    command = [sys.executable, "-c", INTERRUPTED, "10"]
+    done = subprocess.run(command, text=True, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_an_end_leaves_no_worker_behind(sent, code):

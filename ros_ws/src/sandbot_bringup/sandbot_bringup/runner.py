@@ -3,7 +3,7 @@
 import errno
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import BrokenExecutor, Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from sandbot_bringup.plan import PlannedTrial
 from sandbot_common.crew import Crew
+from sandbot_common.workers import Finished
 
 Job = Callable[[PlannedTrial, int], Path]
 """Runs one trial, given its wall-clock start [ns], and returns its bag."""
@@ -43,27 +44,28 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     ):
         waiting = list(reversed(trials))
         running: dict[Future[Path], PlannedTrial] = {}
+        done = Finished()
         try:
             while waiting or running:
                 # Only what the workers can start soon is submitted, so that Ctrl-C has little to wait for.
                 while waiting and len(running) < 2 * crew.size:
-                    running[executor.submit(job, waiting[-1], time.time_ns())] = waiting[-1]
-                    waiting.pop()
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
-                        raise BrokenExecutor
-                    trial = running.pop(future)
-                    if (error := future.exception()) is not None:
-                        cut_short = cut_short or isinstance(error, OSError)
-                        no_room = _no_room(error)
-                        failed.append((trial.trial_id, no_room or f"{type(error).__name__}: {error}"))
-                        if no_room:
-                            failed += [(each.trial_id, no_room) for each in reversed(waiting)]
-                            waiting.clear()
-                    else:
-                        finished.append(trial.trial_id)
-                    bar.update()
+                    future = executor.submit(job, waiting[-1], time.time_ns())
+                    running[future] = waiting.pop()
+                    done.announce(future)
+                future = done.next()
+                if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
+                    raise BrokenExecutor
+                trial = running.pop(future)
+                if (error := future.exception()) is not None:
+                    cut_short = cut_short or isinstance(error, OSError)
+                    no_room = _no_room(error)
+                    failed.append((trial.trial_id, no_room or f"{type(error).__name__}: {error}"))
+                    if no_room:
+                        failed += [(each.trial_id, no_room) for each in reversed(waiting)]
+                        waiting.clear()
+                else:
+                    finished.append(trial.trial_id)
+                bar.update()
         except KeyboardInterrupt:
             executor.shutdown(wait=True, cancel_futures=True)
             raise

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any, Protocol
 
 from sandbot_common.errors import InputError
-from sandbot_common.workers import pool
+from sandbot_common.workers import Finished, ctrl_c_held, pool
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """The signature of an order-preserving ``map``."""
@@ -67,7 +67,7 @@ class Processes:
                 return
             try:
                 # Pickled here: in the pool's own thread an error of pickling would let ``shutdown`` wait for ever.
-                yield from forked.map(_call, [pickle.dumps((function, task)) for task in tasks])
+                yield from _in_order(forked, [pickle.dumps((function, task)) for task in tasks])
             except BrokenExecutor:
                 raise InputError(self.lost) from None
 
@@ -79,6 +79,23 @@ class Processes:
     def executor(self) -> Executor:
         """Spawned workers: forked ones would inherit the state of the parent's threads (numba, DDS)."""
         return pool(self.size, "spawn")
+
+
+def _in_order(workers: Executor, pickled: Sequence[bytes]) -> Iterator[Any]:
+    """Results in the order of the tasks, as from ``Executor.map``, which Ctrl-C could leave waiting for ever."""
+    futures = [workers.submit(_call, task) for task in pickled]
+    finished, done = Finished(), set()
+    for future in futures:
+        finished.announce(future)
+    try:
+        for future in futures:
+            while future not in done:
+                done.add(finished.next())
+            yield future.result()
+    finally:
+        with ctrl_c_held():
+            for future in futures:
+                future.cancel()
 
 
 def _call(pickled: bytes) -> Any:
