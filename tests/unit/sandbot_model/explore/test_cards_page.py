@@ -14,6 +14,7 @@ from made_up import BOOST
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.previews import change_of, delta_bic, folded, helps, ordered
+from sandbot_model.explore.requested import serve
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -29,7 +30,7 @@ PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1), st.floats(0, 1e3) | s
 @pytest.fixture(scope="module")
 def client(session):
     server = Flask("test")
-    CardsPage(session, "my <trials>").serve(server)
+    serve(server, CardsPage(session, "my <trials>").routes)
     return server.test_client()
 
 

@@ -10,6 +10,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import discover
 from sandbot_model.explore.job import Job
+from sandbot_model.explore.requested import serve
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.report.provenance import provenance
 
@@ -28,7 +29,7 @@ def job(session, found, monkeypatch):
 @pytest.fixture
 def client(job, trials):
     server = Flask("test")
-    WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>").serve(server)
+    serve(server, WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>").routes)
     return server.test_client()
 
 

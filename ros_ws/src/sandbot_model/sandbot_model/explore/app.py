@@ -32,8 +32,9 @@ from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
+from sandbot_model.explore.requested import serve
 from sandbot_model.explore.session import Session
-from sandbot_model.explore.theatre_page import TheatrePage
+from sandbot_model.explore.trial_page import TrialPage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.fitting.text import counted
@@ -80,11 +81,14 @@ class Explorer:
         app = bare(self.title, _on_error)
         own_host_only(app.server)
         app.layout = controls.page(self.title, line, provenance, cells, self.session.noise_floor_m_s)
-        app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
-        AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
-        CardsPage(self.session, self.title).serve(app.server)
-        TheatrePage(self.session, self.trials, self.bags).serve(app.server)
-        WhyPage(self.job, self.provenance, self.title).serve(app.server)
+        serve(
+            app.server,
+            {"/bag/<trial_id>/<name>": self.send_bag},
+            AtlasPage(self.session, self.trials, self.bags, self.title).routes,
+            CardsPage(self.session, self.title).routes,
+            TrialPage(self.session, self.trials, self.bags).routes,
+            WhyPage(self.job, self.provenance, self.title).routes,
+        )
         wire(app, self)
         return app
 
