@@ -114,7 +114,7 @@ def test_nobody_at_the_address_leaves_nothing_behind(run, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.whole  # test_parallel has one door
+@pytest.mark.whole  # test_parallel has another
 def test_where_a_crew_has_no_work_it_is_refused(here, tmp_path, capsys):
     rows = Path(shutil.copy(here / "trials.csv", tmp_path))
     for crew in (["--workers", "2"], ["--dask", "anywhere"]):

@@ -33,7 +33,7 @@ tools/          calibrate, track_video
 
 from typing import TYPE_CHECKING
 
-from sandbot_common.lazy import door
+from sandbot_common.lazy import attach
 
 if TYPE_CHECKING:
     from sandbot_tracking.calibration import Camera, read_cameras
@@ -41,5 +41,5 @@ if TYPE_CHECKING:
 
 __all__ = ("Camera", "Track", "read_cameras", "track")
 
-_HOME = {"track": ".videos", "Track": ".videos", "Camera": ".calibration", "read_cameras": ".calibration"}
-__getattr__, __dir__ = door(__name__, _HOME)
+_MODULES = {"track": ".videos", "Track": ".videos", "Camera": ".calibration", "read_cameras": ".calibration"}
+__getattr__, __dir__ = attach(__name__, _MODULES)

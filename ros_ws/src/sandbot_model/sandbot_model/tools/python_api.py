@@ -1,4 +1,4 @@
-"""The front door for Python: ``discover`` and ``compare`` on any data, with results that print and draw themselves.
+"""The Python API: ``discover`` and ``compare`` on any data, with results that print and draw themselves.
 
     import sandbot_model as sm
     found = sm.discover("table.csv")
