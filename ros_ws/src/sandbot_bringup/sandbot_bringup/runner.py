@@ -10,7 +10,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from sandbot_bringup.plan import PlannedTrial
-from sandbot_common.crew import Crew
+from sandbot_common.parallel import Workers
 from sandbot_common.workers import Finished
 
 Job = Callable[[PlannedTrial, int], Path]
@@ -30,7 +30,7 @@ class Outcome:
     """Whether any failed for lack of a worker or of disk space, and so may succeed if run again."""
 
 
-def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
+def run(trials: Sequence[PlannedTrial], job: Job, workers: Workers) -> Outcome:
     """Run ``job`` on every trial. A failing trial does not stop the others, unless the disk takes nothing more.
 
     On Ctrl-C the trials under way are finished, no new one is begun, and KeyboardInterrupt propagates to the caller.
@@ -39,7 +39,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     failed: list[tuple[str, str]] = []
     cut_short = False
     with (
-        crew.executor() as executor,
+        workers.executor() as executor,
         tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5, delay=0.5) as bar,
     ):
         waiting = list(reversed(trials))
@@ -48,7 +48,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
         try:
             while waiting or running:
                 # Only what the workers can start soon is submitted, so that Ctrl-C has little to wait for.
-                while waiting and len(running) < 2 * crew.size:
+                while waiting and len(running) < 2 * workers.size:
                     future = executor.submit(job, waiting[-1], time.time_ns())
                     running[future] = waiting.pop()
                     done.announce(future)
@@ -71,7 +71,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
             raise
         except BrokenExecutor:
             lost = [*running.values(), *reversed(waiting)]
-            failed += [(trial.trial_id, f"{crew.lost}; resume to run it") for trial in lost]
+            failed += [(trial.trial_id, f"{workers.lost}; resume to run it") for trial in lost]
             cut_short = True
     return Outcome(tuple(finished), tuple(failed), cut_short)
 

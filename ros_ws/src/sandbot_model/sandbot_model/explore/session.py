@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection, name_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria

@@ -260,16 +260,16 @@ def readings(args: argparse.Namespace) -> "Readings | None":
 
 def add_fitters(parser: Parser) -> None:
     """Options for the processes that fit."""
-    from sandbot_common.crew import add_crew
+    from sandbot_common.worker_options import add_worker_options
 
-    add_crew(parser, "fit", usual=FITTERS)
+    add_worker_options(parser, "fit", usual=FITTERS)
 
 
 @contextmanager
 def fitters(args: argparse.Namespace) -> Iterator["Map"]:
     """The ``map`` of the processes that ``--workers`` or ``--dask`` names. Raises InputError."""
-    from sandbot_common.crew import crew_of
+    from sandbot_common.worker_options import workers_of
     from sandbot_model.fitting.parallel import users_modules
 
-    with crew_of(args, usual=FITTERS, by_value=users_modules()) as crew, crew.map() as fit_all:
+    with workers_of(args, usual=FITTERS, by_value=users_modules()) as workers, workers.map() as fit_all:
         yield fit_all

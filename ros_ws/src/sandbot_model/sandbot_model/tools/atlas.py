@@ -52,12 +52,12 @@ def _atlas(argv: Sequence[str]) -> None:
 def _draw(args: argparse.Namespace, folder: Path) -> None:
     from tqdm import tqdm
 
-    from sandbot_common.crew import one_a_cpu
+    from sandbot_common.parallel import one_per_cpu
     from sandbot_model.report.atlas.plates import PLATES, write
 
     material = _material(args)
     folder.mkdir(parents=True, exist_ok=True)
-    with one_a_cpu().map() as draw_all:
+    with one_per_cpu().map() as draw_all:
         drawing = write(folder, material, args.width, args.formats, draw_all)
         shown = tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None)
         captions = {plate.number: caption for plate, caption in shown}

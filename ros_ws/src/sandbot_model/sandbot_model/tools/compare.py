@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common import cli
-from sandbot_common.crew import no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
+from sandbot_common.worker_options import refuse_worker_options
 from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
 
@@ -56,7 +56,7 @@ def _compare(argv: Sequence[str]) -> None:
     if args.bootstrap is not None and args.bootstrap < 2:
         raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed")
     if args.bootstrap is None:
-        no_crew(args, "only the draws of --bootstrap N are shared out; give that too")
+        refuse_worker_options(args, "only the draws of --bootstrap N are shared out; give that too")
     fitters = arguments.fitters(args)
     _run(args, _selection(args), fitters)
 

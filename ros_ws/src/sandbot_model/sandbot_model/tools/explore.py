@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
-from sandbot_common.crew import count, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
+from sandbot_common.parallel import one_per_cpu
+from sandbot_common.worker_options import count
 from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
@@ -68,7 +69,7 @@ def _parser() -> cli.Parser:
     parser.add_argument(
         "--workers",
         type=count,
-        default=min(4, one_a_cpu().size),
+        default=min(4, one_per_cpu().size),
         metavar="N",
         help="processes that fit ahead (default: one per CPU, 4 at most)",
     )

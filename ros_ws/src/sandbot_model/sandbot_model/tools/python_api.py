@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sandbot_common import files
-from sandbot_common.crew import Processes
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_common.robot import Robot, read_robot
 from sandbot_common.typed import check_types
 from sandbot_model.data.conditions import cells_of
