@@ -15,7 +15,7 @@ arrays      the kinds of array; data_frame: tables as pandas DataFrames
 robot       the robot in numbers (robot.yaml); legs: how its c-legs are mounted on their shafts
 accuracy    how well a trial is measured (cameras.yaml)
 parallel    tasks for worker processes, in parallel; worker_options: the options of a command that choose them
-  workers   processes that leave Ctrl-C to their parent and end with it; renewed: again after one was killed
+  workers   processes that leave Ctrl-C to their parent and end with it; restarting_pool: new ones after a kill
   cluster   the workers of a Dask cluster
 process     which process a node is, whether it is alive, real-time priority; neighbours: all nodes of this host;
             dead_ports: those of killed nodes, which a new one should not take

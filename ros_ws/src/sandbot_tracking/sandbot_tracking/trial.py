@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_tracking.fold import NotMeasured, check_enough, peak_height, peak_slope
+from sandbot_tracking.fold import NotMeasured, check_enough
+from sandbot_tracking.folded_peak import peak_height, peak_slope
 
 SWIMMING_SLACK = 0.8
 """Smallest plausible ratio of peak to mean speed: 1 for a swimmer, less the error of the peak."""

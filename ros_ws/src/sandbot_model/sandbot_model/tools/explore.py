@@ -86,13 +86,13 @@ def _explore(argv: Sequence[str]) -> None:
     title = arguments.title(args)
     arguments.check_setting(args)
     _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
-    from sandbot_common.renewed import Renewed
+    from sandbot_common.restarting_pool import RestartingPool
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
     campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
     spawned = partial(pool, args.workers, "spawn", also=partial(_begin_anew, args.effects_from))
-    workers = Renewed(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
+    workers = RestartingPool(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
     # SIGTERM (from a launcher, a test) is handled like Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     servers = _Servers(args, title, query, workers)
