@@ -14,7 +14,7 @@ from made_up import made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection, from_mapping, from_query, to_query
+from sandbot_model.discovery.selection import Selection, from_mapping, from_query, to_query
 from sandbot_model.explore import app, effect_list, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer

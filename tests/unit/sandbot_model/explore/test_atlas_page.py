@@ -5,7 +5,7 @@ import re
 import pytest
 from flask import Flask
 
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.requested import serve

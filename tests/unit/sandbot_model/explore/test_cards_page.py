@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import BOOST
 
-from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.previews import change_of, delta_bic, folded, helps, ordered
 from sandbot_model.explore.requested import serve

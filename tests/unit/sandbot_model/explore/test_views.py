@@ -10,7 +10,7 @@ from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import VIEWS, Selection
+from sandbot_model.discovery.selection import VIEWS, Selection
 from sandbot_model.explore import cell_trials, views
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.session import Session

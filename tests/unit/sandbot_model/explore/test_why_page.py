@@ -7,8 +7,8 @@ from flask import Flask
 from made_up import EFFECTS, suggestions_made
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.requested import serve
 from sandbot_model.explore.why_page import WhyPage

@@ -1,6 +1,6 @@
 """The explorer: an interactive page on which to switch effects on and see where, and by how much, the model fails.
 
-The user's selection (``discovery.choice``) is kept in the address of the page.
+The user's selection (``discovery.selection``) is kept in the address of the page.
 
 app            the callbacks; wiring: their inputs and outputs
 controls       the page; effect_list, suggestion, cell_trials: parts of it; blocks, static_html: building blocks

@@ -16,8 +16,8 @@ from dash.exceptions import PreventUpdate
 from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
+from sandbot_model.discovery.selection import Selection, from_query, to_query, to_yaml
 from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggestion, views
 from sandbot_model.explore.actions import (
     act,

@@ -9,7 +9,7 @@ from pathlib import Path
 from flask import Response, abort
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.requested import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.collect import collect

@@ -7,7 +7,7 @@ from typing import Any
 from dash import dcc, html
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection, cell_text
+from sandbot_model.discovery.selection import Selection, cell_text
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.blocks import plot, table
 from sandbot_model.explore.condition import condition_of

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from flask import Flask, Response, request
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, from_query
+from sandbot_model.discovery.selection import Selection, from_query
 from sandbot_model.report.page import source
 
 Handler = Callable[..., Response]

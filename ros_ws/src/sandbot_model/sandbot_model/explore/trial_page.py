@@ -11,7 +11,7 @@ from urllib.parse import quote
 from flask import Response, abort, request
 from plotly.offline import get_plotlyjs
 
-from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
 from sandbot_model.explore.requested import Handler, head, held_values, requested_selection

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.actions import slider_value
 from sandbot_model.explore.condition import index_of
 from sandbot_model.explore.highlight import mark

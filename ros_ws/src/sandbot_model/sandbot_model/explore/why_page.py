@@ -7,8 +7,8 @@ from html import escape
 
 from flask import Response
 
-from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.requested import Handler, head, held_values_note, requested_selection
 from sandbot_model.report.argument import argument_page

@@ -15,8 +15,8 @@ from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 

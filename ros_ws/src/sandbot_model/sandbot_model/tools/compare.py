@@ -14,7 +14,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
 from sandbot_common.worker_options import refuse_worker_options
-from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
+from sandbot_model.discovery.selection import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:

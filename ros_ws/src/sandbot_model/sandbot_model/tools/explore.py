@@ -23,7 +23,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_common.parallel import one_per_cpu
 from sandbot_common.worker_options import count
-from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
+from sandbot_model.discovery.selection import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:

@@ -28,12 +28,12 @@ from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.assumed import assumed
-from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import name_of
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
