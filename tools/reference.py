@@ -15,6 +15,8 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+from json_keys import MEANINGS
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "lookup"
 MADE = "<!-- made by tools/reference.py from the code; change it there -->\n"
@@ -220,7 +222,9 @@ def schemas() -> str:
     ]
     for name, contents in results().items():
         parts.append(f"## {name} --json (`{contents[0]['schema']}`)\n")
-        parts.append(table(("key", "type"), merged(contents, OF_OTHER_TABLES[name])) + "\n")
+        keys = merged(contents, OF_OTHER_TABLES[name])
+        rows = [(f"`{key}`", kind, MEANINGS[key]) for key, kind in keys]
+        parts.append(table(("key", "type", "meaning"), rows) + "\n")
     return "\n".join(parts)
 
 
@@ -311,7 +315,7 @@ def merged(contents: Sequence[dict[str, Any]], also: Mapping[str, str] | None = 
         # A value that is always null here is an unknown number.
         found[key] |= {"number"} if found[key] == {"null"} else set()
     return [
-        (f"`{key}`", " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))
+        (key, " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))
         for key, kinds in sorted(found.items())
         if kinds
     ]
