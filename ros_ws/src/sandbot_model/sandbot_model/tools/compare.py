@@ -18,9 +18,12 @@ from sandbot_model.discovery.selection import Selection, held_by_text, name_of, 
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
+    from sandbot_model.data.penetrometer import Readings
     from sandbot_model.discovery.compare import Comparison
+    from sandbot_model.fitting.fit import Fit
     from sandbot_model.fitting.parallel import Map
     from sandbot_model.physics.model import Model
+    from sandbot_record.trials.table import Trials
 
 FEW = 5
 """Cell means missed that are listed."""
@@ -63,12 +66,9 @@ def _compare(argv: Sequence[str]) -> None:
 
 def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractContextManager[Map]") -> None:
     # Imported only once the options are parsed, so that --help and mistakes in them are answered at once.
-    from tqdm import tqdm
-
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.discovery.assumed import assumed
     from sandbot_model.discovery.reproduce import steps_of
-    from sandbot_model.fitting.bootstrap import bootstrap
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.physics.model import model_of
     from sandbot_model.tools import answer, tables
@@ -95,10 +95,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     content["data"]["notes"] = [*assumed(trials, cells), *notes]
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
-        bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
-        with fitters as fit_all:
-            near = steps[-1].warm_start
-            drawn = bootstrap(trials, model, args.bootstrap, readings=readings, near=near, fit_all=fit_all, each=bar)
+        drawn = _bootstrap(args.bootstrap, trials, model, readings, steps[-1], fitters)
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:
@@ -109,6 +106,24 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         origin = arguments.origin(args)
         with writing(args.html):
             write_comparison(args.html, steps, trials, **origin)
+
+
+def _bootstrap(
+    draws: int,
+    trials: "Trials",
+    model: "Model",
+    readings: "Readings | None",
+    fit: "Fit",
+    fitters: "AbstractContextManager[Map]",
+) -> dict[str, float]:
+    """Standard errors from refits to draws of the trials, each started at the fit, with a progress bar."""
+    from tqdm import tqdm
+
+    from sandbot_model.fitting.bootstrap import bootstrap
+
+    bar = partial(tqdm, total=draws, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
+    with fitters as fit_all:
+        return bootstrap(trials, model, draws, readings=readings, near=fit.warm_start, fit_all=fit_all, each=bar)
 
 
 def _tables(steps: "Comparison", missed: int) -> str:
