@@ -134,7 +134,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
     def speed() -> Spec:
         if current.fit.undetermined:
             return figures.measured_speed(current, theme)
-        return figures.speed(current, base, theme, columns=columns, with_band=not selection.by_hand)
+        return figures.speed(current, base, theme, columns=columns, with_uncertainty=not selection.by_hand)
 
     draw: Mapping[str, Callable[[], Spec]] = {
         "speed": speed,
