@@ -59,9 +59,7 @@ def predictor_of(given: PredictorParameters) -> Predictor:
     return predictor(model, values, np.array(given.phi), np.array(given.k_n_per_m), "values")
 
 
-def predictor_from_json(
-    path: Path, robot: Robot | None = None, effects: Mapping[str, Effect] | None = None
-) -> Predictor:
+def predictor_from_json(path: Path, robot: Robot | None, effects: Mapping[str, Effect] | None) -> Predictor:
     """The last step of a result of ``discover --json`` or ``compare --json``, which must be for ``robot`` if given.
 
     ``effects`` are by default the catalogue's.

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.foresight import foresight, gaps, in_words
 from sandbot_bringup.plan import (
     VERDICT,
     VERDICT_KEYS,
@@ -24,6 +23,7 @@ from sandbot_bringup.plan import (
     trials_of,
     with_next_trials,
 )
+from sandbot_bringup.power_analysis import detectable_effects, gaps, in_words
 from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.errors import InputError
@@ -59,7 +59,7 @@ def command(argv: Sequence[str]) -> int:
     for gap in in_words(lost := gaps(plan, trials, files)):
         print(f"note: {gap}; raise periods or min_duration_s")
     if options.dry_run:
-        print(describe(plan, trials), filled(foresight(plan, trials, files, lost)), sep="\n")
+        print(describe(plan, trials), filled(detectable_effects(plan, trials, files, lost)), sep="\n")
         return 0
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:
