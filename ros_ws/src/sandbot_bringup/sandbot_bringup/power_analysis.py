@@ -41,8 +41,8 @@ def in_words(found: Gaps) -> list[str]:
 
 
 def detectable_effects(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str], lost: Gaps) -> str:
-    """Which effects it will be able to detect, in one sentence, for the ground of Li09 and the usual scatter according to
-    cameras.yaml; ``lost`` is not measured."""
+    """Which effects it will be able to detect, in one sentence, for the ground of Li09 and the usual scatter according
+    to cameras.yaml; ``lost`` is not measured."""
     from sandbot_model.discovery import power
     from sandbot_model.discovery.effect_search import EffectSearch
     from sandbot_model.physics.catalogue import catalogue
