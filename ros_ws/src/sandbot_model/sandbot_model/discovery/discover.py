@@ -35,7 +35,7 @@ from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.sharing import Judged, allowed_for
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.unseen import Shift, equally_simple, largest_shift, unseen, without_nuisances
+from sandbot_model.discovery.unseen import equally_simple, largest_shift, unseen, without_nuisances
 from sandbot_model.discovery.untested import to_run, untested
 from sandbot_model.discovery.verdict import (
     EXPLAINS_ALL,
@@ -96,34 +96,35 @@ def _discovered(search: EffectSearch, max_effects: int) -> Discovery:
     return _reported(search, found, partial, doubted=bool(doubted))
 
 
-def _reported(first: EffectSearch, found: Judged, partial: Partial | None, *, doubted: bool) -> Discovery:
-    """All that is said of a verdict: standard errors, limits, next trials, remarks. ``first`` has the fits before they
-    were judged: without nuisances."""
-    verdict, claimed = found.verdict, first.fits[found.verdict.effects]
-    rival, allowing = _identified_without_nuisances(first, found), _only_allowing(first, found)
-    search = first.judged(found.fits, found.named.model.catalogue)
-    criteria, judged = search.criteria, search.fits[verdict.effects]
+def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, doubted: bool) -> Discovery:
+    """All that is said of a verdict: standard errors, limits, next trials, remarks."""
+    cells, effects, criteria, verdict = search.cells, search.effects, search.criteria, found.verdict
+    rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
+    claimed = search.fits[verdict.effects]
+    search = search.judged(found.fits, found.named.model.catalogue)
+    judged = search.fits[verdict.effects]
     named, reported = reported_fit(search, found.named)
     rivals, covered = _instead(search, verdict, named, rival)
     hidden = unseen(search, named) if verdict.status == "adequate" else []
-    rivals += _not_among(rivals, equally_simple(reported, hidden))
+    not_shown = tuple(fit.effects[0] for fit in hidden)
+    known = {fit.effects for fit in rivals}
+    rivals += [fit for fit in equally_simple(reported, hidden) if fit.effects not in known]
     shift = largest_shift(reported, hidden)
+    shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
     family = same_family(search, claimed, named)
     others = other_families(search, claimed, judged) if verdict.status == "identified" else []
     proposed = _next_trials(search, verdict, without_nuisances(search, hidden))
     controls = {} if worthwhile(proposed.trials, criteria) else controls_of(search, verdict)
-    not_shown = tuple(fit.effects[0] for fit in hidden)
     verdict = with_p_of(reported, verdict, judged)
     verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
-    verdict = remarked(search, verdict, named, not_shown, proposed, controls)
-    verdict = verdict.with_remarks(_in_words(shift, reported, rivals))
+    verdict = remarked(search, verdict, named, not_shown, proposed, controls).with_remarks(shifted)
     return Discovery(
         model=search.base,
-        cells=search.cells,
-        noise_floor=noise_floor(search.cells),
+        cells=cells,
+        noise_floor=noise_floor(cells),
         # Lower steps do not fit, so the precision of their parameters is meaningless and is not sampled.
         steps=(*search.ladder(verdict)[:-1], averaged_with(reported, [*rivals, *family])),
-        candidates=tuple(candidates(search.fits, first.effects)),
+        candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(proposed.trials),
         alike=tuple(look_alikes(search.fits, judged, others, criteria)),
@@ -141,17 +142,6 @@ def _reported(first: EffectSearch, found: Judged, partial: Partial | None, *, do
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )
-
-
-def _not_among(fits: Sequence[Fit], others: Sequence[Fit]) -> list[Fit]:
-    """Those of the others whose effects none of these fits has."""
-    known = {fit.effects for fit in fits}
-    return [fit for fit in others if fit.effects not in known]
-
-
-def _in_words(shift: Shift | None, reported: Fit, covering: Sequence[Fit]) -> str:
-    """How far an unseen effect would shift Δt, and whether the reported error covers that; empty where none would."""
-    return shift.in_words(reported, covered=(shift.effect,) in [fit.effects for fit in covering]) if shift else ""
 
 
 def _instead(search: EffectSearch, verdict: Verdict, named: Fit, rival: Fit | None) -> tuple[list[Fit], str]:
