@@ -202,13 +202,13 @@ def formulas() -> str:
         "`*` or `·`, powers `^`, `**` or `²`; "
         f"comparisons are 1 or 0. Functions: {functions}; `pi`.\n\n"
         "LOW..HIGH is where a parameter is plausible. A fit searches half that width further to either side, and says "
-        "so where it ends there; in Python `hard_low` and `hard_high` are walls. A parameter of a symbol's name stands "
-        "in its place, unless the formula sets that symbol. Units are labels and are not checked.\n\n"
+        "so where it ends there; in Python `hard_low` and `hard_high` are never crossed. A parameter of a symbol's "
+        "name stands in its place, unless the formula sets that symbol. Units are labels and are not checked.\n\n"
         "In search of a footing every depth `d` is tried, in the first step (`first`) as in all others, and the stages "
         f"run in the order {', '.join(symbols.READABLE)}: a quantity may be read and set from its own on. `σ` shows in "
         "what is fitted, which is averaged along the track. φ can't be set, as k does not follow it: `k -> K(phi + "
-        "0.01)` is the ground at another, beyond the measured ones that of the last. `g` is the robot's until balance, "
-        "where it may be set.\n\n"
+        "0.01)` is the ground at another φ; beyond the measured φ, that at the nearest of them. `g` is the robot's "
+        "until balance, where it may be set.\n\n"
         f"{table(('symbol', 'unit', 'from stage', 'meaning'), rows)}\n"
     )
 

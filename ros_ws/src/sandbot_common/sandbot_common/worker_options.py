@@ -13,7 +13,9 @@ def add_worker_options(parser: argparse.ArgumentParser, work: str, usual: int | 
     """Options ``--workers`` and ``--dask`` for this ``work``; default: ``usual`` processes (None: one per CPU)."""
     who = parser.add_mutually_exclusive_group()
     default = "one per CPU" if usual is None else usual
-    who.add_argument("--workers", type=count, metavar="N", help=f"processes that {work} at once (default: {default})")
+    who.add_argument(
+        "--workers", type=count, metavar="N", help=f"processes that {work} in parallel (default: {default})"
+    )
     who.add_argument(
         "--dask",
         metavar="ADDRESS",

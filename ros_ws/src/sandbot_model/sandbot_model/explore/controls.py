@@ -166,7 +166,7 @@ def _own_effect() -> html.Details:
             dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
             _button("add", "Add and fit"),
             html.P(id="formula-read", className="formula-read", role="status"),
-            html.Details([html.Summary("Symbols a formula may hold"), symbols()]),
+            html.Details([html.Summary("Symbols that a formula may contain"), symbols()]),
         ]
     )
 

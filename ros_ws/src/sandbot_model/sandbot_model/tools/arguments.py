@@ -63,7 +63,9 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
-    parser.add_argument("--verbose", "-v", action="store_true", help="print every effect tried and every miss")
+    parser.add_argument(
+        "--verbose", "-v", action="store_true", help="list every effect tried and every cell mean missed"
+    )
 
 
 def title(args: argparse.Namespace) -> str:
@@ -238,7 +240,7 @@ def add_penetrometer(parser: Parser) -> None:
         "--penetrometer",
         type=Path,
         metavar="FILE.csv",
-        help="readings of the ground by itself: columns phi, depth_m, force_n or phi, k_n_per_m (and their sd)",
+        help="penetrometer readings: columns phi, depth_m, force_n, or phi, k_n_per_m (and their sd)",
     )
 
 

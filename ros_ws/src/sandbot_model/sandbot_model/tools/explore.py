@@ -71,7 +71,7 @@ def _parser() -> cli.Parser:
         type=count,
         default=min(4, one_per_cpu().size),
         metavar="N",
-        help="processes that fit ahead (default: one per CPU, 4 at most)",
+        help="processes that fit in advance (default: one per CPU, 4 at most)",
     )
     parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
     return parser
