@@ -3,19 +3,16 @@
 import re
 
 import pytest
-from flask import Flask
+from made_up import served
 
 from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.atlas_page import AtlasPage
-from sandbot_model.explore.requested import serve
 
 
 @pytest.fixture
 def client(session, trials):
-    server = Flask("test")
-    serve(server, AtlasPage(session, trials, {}, "my <trials>").routes)
-    return server.test_client()
+    return served(AtlasPage(session, trials, {}, "my <trials>"))
 
 
 @pytest.mark.slow
@@ -34,10 +31,10 @@ def test_the_page_shows_the_papers_figures_for_the_model_in_its_address(client):
 
 
 def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(session, trials, monkeypatch):
-    server = Flask("test")
     monkeypatch.setattr("sandbot_model.explore.atlas_page.PLATES", ())
-    serve(server, AtlasPage(session, trials, {}, "test").routes)
-    page = server.test_client().get("/atlas?hold=delta_t_s%3D0.35&against=%3Fmodel%3Dfull").text
+    page = (
+        served(AtlasPage(session, trials, {}, "test")).get("/atlas?hold=delta_t_s%3D0.35&against=%3Fmodel%3Dfull").text
+    )
     assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
     assert 'href="/?hold=delta_t_s%3D0.35&amp;against=%3Fmodel%3Dfull"' in page
 

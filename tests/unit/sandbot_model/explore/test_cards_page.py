@@ -6,15 +6,13 @@ from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
-from flask import Flask
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up import BOOST
+from made_up import BOOST, served
 
 from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.previews import change_of, delta_bic, folded, helps, ordered
-from sandbot_model.explore.requested import serve
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -29,9 +27,7 @@ PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1), st.floats(0, 1e3) | s
 
 @pytest.fixture(scope="module")
 def client(session):
-    server = Flask("test")
-    serve(server, CardsPage(session, "my <trials>").routes)
-    return server.test_client()
+    return served(CardsPage(session, "my <trials>"))
 
 
 def test_every_effect_of_the_catalogue_has_a_drawing_of_its_own_and_no_other_name_has():

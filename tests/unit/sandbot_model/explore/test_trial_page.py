@@ -9,12 +9,10 @@ import av
 import cv2
 import numpy as np
 import pytest
-from flask import Flask
-from made_up import PACE
+from made_up import PACE, served
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore import clip, scene_figures, trial_page
-from sandbot_model.explore.requested import serve
 from sandbot_model.explore.scene import phases, scene_of
 from sandbot_model.explore.trial_page import TrialPage
 from sandbot_model.physics.observables import Observable
@@ -132,9 +130,7 @@ def test_the_leg_drawn_has_the_arc_of_the_robot(scene):
 
 @pytest.fixture(scope="module")
 def client(session, trials, bags):
-    server = Flask("test")
-    serve(server, TrialPage(session, trials, bags).routes)
-    return server.test_client()
+    return served(TrialPage(session, trials, bags))
 
 
 def test_the_page_has_everything_on_one_clock(client, bags, scene):

@@ -3,14 +3,12 @@
 import json
 
 import pytest
-from flask import Flask
-from made_up import EFFECTS, suggestions_made
+from made_up import EFFECTS, served, suggestions_made
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.job import Job
-from sandbot_model.explore.requested import serve
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.report.provenance import provenance
 
@@ -28,9 +26,7 @@ def job(session, found, monkeypatch):
 
 @pytest.fixture
 def client(job, trials):
-    server = Flask("test")
-    serve(server, WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>").routes)
-    return server.test_client()
+    return served(WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>"))
 
 
 def test_a_discovery_is_run_first_and_its_progress_told(client, job, monkeypatch):

@@ -32,7 +32,7 @@ from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
-from sandbot_model.explore.requested import serve
+from sandbot_model.explore.pages import serve
 from sandbot_model.explore.session import Session
 from sandbot_model.explore.trial_page import TrialPage
 from sandbot_model.explore.why_page import WhyPage

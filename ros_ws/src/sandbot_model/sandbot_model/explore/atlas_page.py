@@ -10,7 +10,7 @@ from flask import Response, abort
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.selection import Selection, to_query
-from sandbot_model.explore.requested import Handler, head, held_values_note, model_only, requested_selection
+from sandbot_model.explore.pages import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate

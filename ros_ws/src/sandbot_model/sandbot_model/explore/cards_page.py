@@ -7,8 +7,8 @@ from flask import Response, abort
 
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
 from sandbot_model.discovery.selection import Selection, to_query
+from sandbot_model.explore.pages import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.previews import change_of, delta_bic, folded, ordered
-from sandbot_model.explore.requested import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect

@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
-from sandbot_model.explore.requested import Handler, head, held_values, requested_selection
+from sandbot_model.explore.pages import Handler, head, held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
 from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session

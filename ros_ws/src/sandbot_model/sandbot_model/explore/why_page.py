@@ -10,7 +10,7 @@ from flask import Response
 from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.job import Job
-from sandbot_model.explore.requested import Handler, head, held_values_note, requested_selection
+from sandbot_model.explore.pages import Handler, head, held_values_note, requested_selection
 from sandbot_model.report.argument import argument_page
 from sandbot_model.report.page import render
 from sandbot_model.report.view import Provenance
