@@ -203,9 +203,9 @@ def test_an_interrupt_that_a_process_sends_ends_the_verb_too(group):
     waits = "import signal, sys\ntry: print('here', flush=True), signal.pause()\nexcept KeyboardInterrupt: sys.exit(7)"
     verb = [sys.executable, "-c", waits]
     opens = f"import sys; from trackway_command.main import _run; sys.exit(_run({verb!r}, ours=False))"
-    door_of = [sys.executable, "-c", opens]
+    trackway_of = [sys.executable, "-c", opens]
     with subprocess.Popen(
-        door_of,
+        trackway_of,
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,

@@ -8,7 +8,7 @@ lazy        public names of a package, imported on first access
 typed       types of arguments of the Python API, checked when it is called
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
 files       reading text and JSON; atomic writing through a temporary file
-yaml_text   YAML; separated: tables of text, by any separator
+yaml_text   YAML; delimited_text: tables of text, by any separator
 config      where the project's own configuration files are installed
 compiled    numba's njit, with its cache where there is room for one
 arrays      the kinds of array; data_frame: tables as pandas DataFrames
@@ -27,7 +27,7 @@ health      names of the figures, and words, that nodes act on when other nodes 
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once
-ros/        (the only room that imports rclpy)
+ros/        (the only subpackage that imports rclpy)
   node      start, heartbeat and end of a node
   endpoints publishers and subscriptions; service: a request repeated until it is answered
   ros_parameters  its parameters; ros_health: its figures on /diagnostics

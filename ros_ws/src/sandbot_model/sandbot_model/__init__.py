@@ -5,7 +5,7 @@
     found                                # verdict, ladder, parameters
     found.fit.to_frame(); found.plot(); sm.compare("table.csv", effects=["stance_overlap"]).plot()
 
-The rooms, each of which imports only those above it in this list:
+The subpackages, each of which imports only those above it in this list:
 
     physics/    robot, chain of quantities, walking, effects/ (one file each), catalogue, formula, predictor
     data/       trials gathered into cells, with their pure error

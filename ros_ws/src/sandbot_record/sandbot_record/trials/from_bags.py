@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common import files, separated, topics
+from sandbot_common import delimited_text, files, topics
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import never_set
@@ -255,7 +255,7 @@ def make(folder: Path, workers: Workers | None = None, out: Path | None = None) 
 
 def check_no_column_lost(out: Path) -> Path:
     """``out``. Raises InputError if it is a table with columns that overwriting would delete."""
-    if out.is_file() and (columns := foreign(separated.read_csv(out)[0])):
+    if out.is_file() and (columns := foreign(delimited_text.read_csv(out)[0])):
         raise InputError(
             f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
             "write the table into another file (table --out)"

@@ -17,9 +17,9 @@ import yaml
 
 from sandbot_common import cli, topics
 from sandbot_common.arrays import Floats
+from sandbot_common.delimited_text import number_in, read_csv
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
-from sandbot_common.separated import number_in, read_csv
 from sandbot_common.yaml_text import read_yaml
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
 
