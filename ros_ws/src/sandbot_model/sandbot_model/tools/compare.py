@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sandbot_model.discovery.compare import Comparison
     from sandbot_model.fitting.fit import Fit
     from sandbot_model.fitting.parallel import Map
+    from sandbot_model.physics.effect import Effect
     from sandbot_model.physics.model import Model
     from sandbot_record.trials.table import Trials
 
@@ -84,9 +85,8 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
-    own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys()) if args.effects_from else []
-    if own and not set(own) & set(selection.effects):
-        print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
+    if unused := _unused(args, selection, effects):
+        print(filled(unused), end="\n\n")
     if held:
         unchanged = "nothing is refitted: all else, and its error, as before"
         print(filled(f"last step held by hand: {held}; {unchanged}"), end="\n\n")
@@ -106,6 +106,16 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         origin = arguments.origin(args)
         with writing(args.html):
             write_comparison(args.html, steps, trials, **origin)
+
+
+def _unused(args: argparse.Namespace, selection: Selection, effects: "Mapping[str, Effect]") -> str:
+    """That no effect of ``--effects-from`` is selected; empty if any is, or there are none."""
+    from sandbot_model.physics.catalogue import catalogue
+
+    own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys()) if args.effects_from else []
+    if not own or set(own) & set(selection.effects):
+        return ""
+    return f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"
 
 
 def _bootstrap(
