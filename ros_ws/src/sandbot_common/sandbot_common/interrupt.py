@@ -2,7 +2,7 @@
 
 Python raises KeyboardInterrupt between any two steps of the main thread. Raised within a lock of the standard library,
 it leaves the lock locked, and another thread waits for it for ever; within an import or a call of numba's it is lost,
-comes out as another error, or crashes. There it is held back until the call has ended.
+comes out as another error, or crashes; emcee prints a traceback of it. There it is held back until the call has ended.
 """
 
 import signal
@@ -15,7 +15,7 @@ from typing import Any
 
 PATIENCE_S = {
     **dict.fromkeys(("threading", "queue", "concurrent", "multiprocessing"), 0.5),
-    **dict.fromkeys(("importlib", "numba", "llvmlite", "ctypes", "weakref", "_weakrefset"), 10.0),
+    **dict.fromkeys(("importlib", "numba", "llvmlite", "ctypes", "weakref", "_weakrefset", "emcee"), 10.0),
 }
 """How long an interrupt is held back within a call of these packages. A lock is taken for microseconds, so who is there
 for longer waits, and must be interrupted."""
