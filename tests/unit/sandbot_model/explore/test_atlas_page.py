@@ -44,16 +44,6 @@ def test_another_model_gives_other_lines_and_the_same_one_the_same(client):
     assert first == again != other
 
 
-@pytest.mark.parametrize(
-    "address",
-    ["/atlas?effect=nonsense", "/atlas?tune=1", "/atlas/fig2a_speed_omega.svg?effect=x", f"/atlas?cell={5000 * '9'}"],
-)
-def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
-    answer = client.get(address)
-    assert answer.status_code == 400
-    assert len(answer.text.splitlines()) == 1
-
-
 def test_there_are_no_other_pictures(client):
     assert client.get("/atlas/passwd.svg").status_code == 404
 

@@ -95,13 +95,6 @@ def test_a_fingerprint_is_drawn_where_the_effect_would_show(client):
     assert client.get("/effects/levitation/fingerprint.svg").status_code == 404
 
 
-@pytest.mark.parametrize("address", ["/effects?effect=nonsense", "/effects?tune=1"])
-def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
-    answer = client.get(address)
-    assert answer.status_code == 400
-    assert len(answer.text.splitlines()) == 1
-
-
 @given(st.dictionaries(st.text(min_size=1), PREVIEWS), st.data())
 def test_the_order_loses_nothing_and_puts_what_helps_most_first(previews, data):
     on = data.draw(st.lists(st.sampled_from(sorted(previews)), unique=True)) if previews else []

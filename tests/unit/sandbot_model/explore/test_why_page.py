@@ -83,10 +83,3 @@ def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(client, job)
     assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
     assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in page
     assert "by hand" not in client.get("/why").text
-
-
-@pytest.mark.parametrize("address", ["/why?effect=nonsense", "/why?tune=1", "/why/progress?tune=1"])
-def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
-    answer = client.get(address)
-    assert answer.status_code == 400
-    assert len(answer.text.splitlines()) == 1
