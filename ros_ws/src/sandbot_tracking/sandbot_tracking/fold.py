@@ -43,7 +43,8 @@ class Folded:
 
 
 def fold(phase: Floats, value: Floats, advance: float) -> Folded:
-    """Sort by phase and estimate the noise from each point's distance to the line through its neighbours.
+    """Samples of ``phase`` and ``value (n,)`` sorted by phase; the noise is estimated from each one's distance to the
+    line through its neighbours. ``advance``: increase of the value over one step.
 
     Raises NotMeasured.
     """
@@ -96,7 +97,7 @@ def _first_harmonic(phase: Floats, part: Floats) -> complex:
 
 
 def inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
-    """Step number with phase as its fraction, and value, of the frames within the edges."""
+    """Step number with phase as its fraction, and value, of the frames ``t_s``, ``value (n,)`` within the edges."""
     if edges_s.size < 2:
         raise NotMeasured("no whole steady step")
     number = np.interp(t_s, edges_s, np.arange(edges_s.size), left=np.nan, right=np.nan)
@@ -105,7 +106,7 @@ def inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]
 
 
 def progress(phase: Floats, part: Floats, length: Floats) -> Floats:
-    """Fraction of the step's length covered at each phase: the folded median of x/length."""
+    """Fraction ``(n,)`` of the step's length covered at each phase ``(n,)``: the folded median of x/length."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(length > 1e-3, part / length, phase)
     seen = np.isfinite(ratio)

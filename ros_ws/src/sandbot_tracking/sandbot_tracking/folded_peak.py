@@ -42,9 +42,9 @@ class _Fit:
 
 
 def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> float:
-    """Largest dx/dt of the folded step [m/s].
+    """Largest dx/dt of the folded step [m/s], from frames ``t_s``, ``x_m (n,)``.
 
-    ``rest_m``: position at each of the ``edges_s``. Raises NotMeasured.
+    ``rest_m``: position at each of the ``edges_s (steps + 1,)``. Raises NotMeasured.
     """
     number, x = inside(t_s, x_m, edges_s)
     step = number.astype(int)
@@ -69,7 +69,8 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
 
 
 def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
-    """Largest z of the folded step, median over the steps [m]; the plain mean if the folded curve is flat.
+    """Largest z of the folded step [m], median over the steps, from frames ``t_s``, ``z_m (n,)``; the plain mean if the
+    folded curve is flat.
 
     Raises NotMeasured.
     """

@@ -129,7 +129,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
 
 
 def largest_at_measured(fit: Fit) -> Floats:
-    """The model's largest mean speed over the ω measured [m/s], for each band."""
+    """The model's largest mean speed over the ω measured [m/s], ``(n_bands,)``."""
     return np.array([fit.predicted[band.cells, Observable.speed].max() for band in bands(fit.cells)])
 
 
