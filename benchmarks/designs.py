@@ -27,7 +27,7 @@ from sandbot_lab.week import Week
 from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, Trials, from_rows

@@ -32,7 +32,7 @@ from sandbot_common.arrays import Bools
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of

@@ -21,7 +21,7 @@ from _matrix import Matrix, collect, options
 from hidden import OMEGA, PHI
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.formula import formula_effect

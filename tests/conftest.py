@@ -185,7 +185,7 @@ def batch_campaign() -> Callable[..., int]:
         from inline import Inline
 
         from sandbot_bringup.tools import campaign
-        from sandbot_common.crew import Processes
+        from sandbot_common.parallel import Processes
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Processes, "executor", lambda _: Inline())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 TOOLS = Path(__file__).resolve().parent
 FALLBACK = TOOLS / "ros2"
-DOOR = TOOLS / "trackway"
+TRACKWAY = TOOLS / "trackway"
 
 sys.path.insert(0, str(TOOLS))
 
@@ -32,17 +32,17 @@ def install(binaries: Path) -> str:
     return f"no ros2 on the PATH; {link.name} in {binaries.name}/ is the project's fallback"
 
 
-def install_door(binaries: Path) -> None:
+def install_trackway(binaries: Path) -> None:
     """Link ``trackway``, which works without sourcing env.sh, in the folder ``binaries``."""
-    link = binaries / DOOR.name
+    link = binaries / TRACKWAY.name
     link.unlink(missing_ok=True)
-    link.symlink_to(os.path.relpath(DOOR, binaries))
+    link.symlink_to(os.path.relpath(TRACKWAY, binaries))
 
 
 def main() -> int:
     """Install into the venv of the running interpreter."""
     binaries = Path(sys.executable).parent
-    install_door(binaries)
+    install_trackway(binaries)
     print(f"trackway: {install(binaries)}")
     return 0
 

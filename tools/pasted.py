@@ -33,7 +33,7 @@ ELSEWHERE = {
     "ros2 service call": "asks a robot that walks; test_ros2_fallback",
     "trackway calibrate": "wants a table of points; test_calibration has one",
     "__ns:=/robot1": "wants a robot in a namespace; test_two_robots has two",
-    "trackway export": "wants bags; test_doors has one",
+    "trackway export": "wants bags; test_python_api has one",
     "unseal": "wants a sealed campaign; README in full (make test-whole), test_until_verdict",
 }
 """Commands, identified by a part, that are not run here, with the reason."""

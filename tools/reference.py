@@ -15,6 +15,8 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+from json_keys import MEANINGS
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "lookup"
 MADE = "<!-- made by tools/reference.py from the code; change it there -->\n"
@@ -200,13 +202,13 @@ def formulas() -> str:
         "`*` or `·`, powers `^`, `**` or `²`; "
         f"comparisons are 1 or 0. Functions: {functions}; `pi`.\n\n"
         "LOW..HIGH is where a parameter is plausible. A fit searches half that width further to either side, and says "
-        "so where it ends there; in Python `hard_low` and `hard_high` are walls. A parameter of a symbol's name stands "
-        "in its place, unless the formula sets that symbol. Units are labels and are not checked.\n\n"
+        "so where it ends there; in Python `hard_low` and `hard_high` are never crossed. A parameter of a symbol's "
+        "name stands in its place, unless the formula sets that symbol. Units are labels and are not checked.\n\n"
         "In search of a footing every depth `d` is tried, in the first step (`first`) as in all others, and the stages "
         f"run in the order {', '.join(symbols.READABLE)}: a quantity may be read and set from its own on. `σ` shows in "
         "what is fitted, which is averaged along the track. φ can't be set, as k does not follow it: `k -> K(phi + "
-        "0.01)` is the ground at another, beyond the measured ones that of the last. `g` is the robot's until balance, "
-        "where it may be set.\n\n"
+        "0.01)` is the ground at another φ; beyond the measured φ, that at the nearest of them. `g` is the robot's "
+        "until balance, where it may be set.\n\n"
         f"{table(('symbol', 'unit', 'from stage', 'meaning'), rows)}\n"
     )
 
@@ -220,7 +222,9 @@ def schemas() -> str:
     ]
     for name, contents in results().items():
         parts.append(f"## {name} --json (`{contents[0]['schema']}`)\n")
-        parts.append(table(("key", "type"), merged(contents, OF_OTHER_TABLES[name])) + "\n")
+        keys = merged(contents, OF_OTHER_TABLES[name])
+        rows = [(f"`{key}`", kind, MEANINGS[key]) for key, kind in keys]
+        parts.append(table(("key", "type", "meaning"), rows) + "\n")
     return "\n".join(parts)
 
 
@@ -311,7 +315,7 @@ def merged(contents: Sequence[dict[str, Any]], also: Mapping[str, str] | None = 
         # A value that is always null here is an unknown number.
         found[key] |= {"number"} if found[key] == {"null"} else set()
     return [
-        (f"`{key}`", " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))
+        (key, " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))
         for key, kinds in sorted(found.items())
         if kinds
     ]

@@ -110,7 +110,7 @@ EXPLORER = (
     Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
 )
 WHY = Shot("18-why", "why?model=simple", (1180, 1500))
-TRIAL = Shot("19-trial", f"theatre?trial={FILMED}&effect={HIDDEN}", (1180, 1500), scrub)
+TRIAL = Shot("19-trial", f"trial?trial={FILMED}&effect={HIDDEN}", (1180, 1500), scrub)
 CARDS = Shot("20-cards", "effects", (1180, 1300))
 ATLAS = Shot("21-atlas", f"atlas{ON}", (1180, 1500))
 OWN_PAGES = ((WHY, DRAWN), (TRIAL, DRAWN), (CARDS, CARDS_FITTED), (ATLAS, PLATES))

@@ -12,8 +12,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import from_mapping, to_query
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.selection import from_mapping, to_query
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.tools.compare import main as compare_main
 

@@ -25,7 +25,7 @@ from sandbot_lab.world import null_world, read_world, write_world
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
-from sandbot_model.discovery.choice import from_query, read_selection
+from sandbot_model.discovery.selection import from_query, read_selection
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.predictor_parameters import predictor_from_json
 from sandbot_model.tools import discover

@@ -16,8 +16,8 @@ from sandbot_common.robot import SANDBOT
 from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.film import Film
+from sandbot_lab.live_trial import LED_ON_S
 from sandbot_lab.robot import simulate
-from sandbot_lab.stage import LED_ON_S
 from sandbot_lab.world import null_world
 from sandbot_record.trials.from_bags import row_from_bag
 from sandbot_tracking.calibration import cameras_from_mapping

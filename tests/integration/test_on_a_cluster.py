@@ -114,11 +114,11 @@ def test_nobody_at_the_address_leaves_nothing_behind(run, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.whole  # test_parallel has one door
-def test_where_a_crew_has_no_work_it_is_refused(here, tmp_path, capsys):
+@pytest.mark.whole  # test_parallel has another
+def test_where_nothing_runs_in_parallel_workers_are_refused(here, tmp_path, capsys):
     rows = Path(shutil.copy(here / "trials.csv", tmp_path))
-    for crew in (["--workers", "2"], ["--dask", "anywhere"]):
-        assert table.main([str(rows), *crew]) == 2
-        assert f"{crew[0]}: only the bags of one folder are shared out" in capsys.readouterr().err
+    for option in (["--workers", "2"], ["--dask", "anywhere"]):
+        assert table.main([str(rows), *option]) == 2
+        assert f"{option[0]}: only the bags of one folder are shared out" in capsys.readouterr().err
     assert campaign.main([str(here / "campaign.yaml"), "--dask", "anywhere"]) == 2
     assert "--dask: live trials run one by one" in capsys.readouterr().err

@@ -58,7 +58,7 @@ def test_what_is_heavy_would_be_seen():
     assert "cv2" in loaded("sandbot_tracking.source")
 
 
-def test_a_door_costs_nothing_until_it_is_used():
+def test_public_names_cost_nothing_until_they_are_used():
     seen = loaded("sandbot_record", "sandbot_tracking", "sandbot_model", "sandbot_common")
     assert seen.isdisjoint({*HEAVY, "numpy", "yaml", "scipy", "rosbags"})
 
@@ -114,7 +114,7 @@ def test_help_and_a_slip_do_not_wait_for_what_computes(command):
 
 
 @pytest.mark.parametrize("package", [sandbot_model, sandbot_record, sandbot_tracking])
-def test_every_name_of_a_door_is_there(package):
+def test_every_public_name_is_there(package):
     assert sorted(package.__all__) == dir(package)
     for name in package.__all__:
         assert callable(getattr(package, name))
@@ -151,22 +151,22 @@ def test_packages_import_what_the_table_of_architecture_says():
     assert differing(page.replace("all but hardware", "all but clock"), graph) == {"sandbot_bringup"}
 
 
-def without_a_word(room: Path) -> set[str]:
-    """Modules that neither their room's docstring nor that of the room above names; parameters are their node's."""
+def without_a_word(folder: Path) -> set[str]:
+    """Modules that neither their package's docstring nor that of the one above names; parameters are their node's."""
     maps = " ".join(ast.get_docstring(ast.parse(one.read_text(encoding="utf-8"))) or "" for one in (
-        path / "__init__.py" for path in (room, room.parent)) if one.is_file())  # fmt: skip
-    modules = {path.stem for path in room.glob("*.py") if not path.stem.endswith(("__init__", "_parameters"))}
+        path / "__init__.py" for path in (folder, folder.parent)) if one.is_file())  # fmt: skip
+    modules = {path.stem for path in folder.glob("*.py") if not path.stem.endswith(("__init__", "_parameters"))}
     return modules - set(re.findall(r"\w+", maps))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_the_map_of_a_room_names_every_module(package):
-    rooms = [path.parent for path in (ROOT / "ros_ws" / "src" / package / package).rglob("__init__.py")]
-    assert {room.name: without_a_word(room) for room in rooms if room.name != "effects" and without_a_word(room)} == {}
+def test_the_docstring_of_a_package_names_every_module(package):
+    folders = [path.parent for path in (ROOT / "ros_ws" / "src" / package / package).rglob("__init__.py")]
+    assert {one.name: missing for one in folders if one.name != "effects" and (missing := without_a_word(one))} == {}
 
 
 def test_a_module_that_no_map_names_is_found(tmp_path):
-    (tmp_path / "__init__.py").write_text('"""A room.\n\nhere  is named\n"""\n', encoding="utf-8")
+    (tmp_path / "__init__.py").write_text('"""A package.\n\nhere  is named\n"""\n', encoding="utf-8")
     for name in ("here", "absent", "node_parameters"):
         (tmp_path / f"{name}.py").touch()
     assert without_a_word(tmp_path) == {"absent"}

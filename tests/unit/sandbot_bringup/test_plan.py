@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_bringup.config import files_of
-from sandbot_bringup.foresight import foresight, gaps
 from sandbot_bringup.plan import Plan, check_bed, plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_bringup.power_analysis import detectable_effects, gaps
 from sandbot_bringup.tools import campaign
 from sandbot_common.errors import InputError
 from sandbot_model.discovery import power
@@ -186,7 +186,7 @@ def test_a_trial_has_a_whole_steady_period(rate_hz):
 
 
 def test_what_trials_are_too_short_for_is_said_and_not_counted_on(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(campaign, "foresight", lambda *_: "")
+    monkeypatch.setattr(campaign, "detectable_effects", lambda *_: "")
     path, said = tmp_path / "plan.yaml", {}
     for periods in (2, 4):
         extra = {"phi": 0.6, "omega_rad_s": 20, "gait": "SGCS"}
@@ -211,6 +211,6 @@ def test_the_forecast_does_without_what_is_not_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(power, "expected", expected)
     plan = plan_of({**GOOD, "periods": 2, "min_duration_s": 0.2}, "plan")
     trials, files = trials_of(plan), files_of(plan, tmp_path, tmp_path)
-    assert "enough" in foresight(plan, trials, files, gaps(plan, trials, files))
+    assert "enough" in detectable_effects(plan, trials, files, gaps(plan, trials, files))
     assert np.isnan(seen[0].lift_m).tolist() == (seen[0].omega_rad_s == 16).tolist()
     assert np.isfinite(seen[0].speed_m_s).all()

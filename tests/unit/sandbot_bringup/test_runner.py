@@ -1,4 +1,4 @@
-"""Trials over a crew of one thread: what failed of itself, and what for want of a worker or of room."""
+"""Trials run by a single worker thread: what failed of itself, and what for want of a worker or of room."""
 
 import errno
 import os

@@ -14,7 +14,7 @@ from sandbot_common.errors import InputError
 
 @pytest.mark.slow
 def test_a_cluster_keeps_the_order_in_other_processes(scheduler):
-    with connected(scheduler) as crew, crew.map() as spread:
+    with connected(scheduler) as workers, workers.map() as spread:
         found = list(spread(lambda task: (task * task, os.getpid()), range(50)))
     assert [square for square, _ in found] == [task * task for task in range(50)]
     assert len({pid for _, pid in found} - {os.getpid()}) == 2
@@ -27,7 +27,7 @@ def test_what_goes_wrong_on_a_cluster_is_told_here(scheduler):
     def lacking(task):
         raise ModuleNotFoundError("No module named 'sandbot_lab'", name="sandbot_lab")
 
-    with connected(scheduler) as crew, crew.map() as spread:
+    with connected(scheduler) as workers, workers.map() as spread:
         with pytest.raises(InputError, match="task 0 can't be done"):
             list(spread(refuse, range(5)))
         with pytest.raises(InputError, match="a worker has no module 'sandbot_lab'"):
@@ -76,7 +76,7 @@ def test_what_was_or_is_asked_of_a_cluster_that_is_lost_is_one_line():
     from distributed import LocalCluster
 
     local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1")
-    with connected(local.scheduler_address, 2.0) as crew, crew.executor() as hands, crew.map() as spread:
+    with connected(local.scheduler_address, 2.0) as workers, workers.executor() as hands, workers.map() as spread:
         assert hands.submit(abs, -1).result() == 1
         found = iter(spread(abs, range(1000)))
         next(found)
@@ -84,23 +84,23 @@ def test_what_was_or_is_asked_of_a_cluster_that_is_lost_is_one_line():
         with pytest.raises(InputError, match="the cluster was lost"):
             list(found)
         with pytest.raises(BrokenExecutor):
-            _ = crew.size
+            _ = workers.size
         with pytest.raises(CancelledError):
             hands.submit(abs, -2).result()
         with pytest.raises(InputError, match="the cluster was lost"):
             list(spread(abs, [-3]))
-        crew._client.close()  # as it does by itself, when it has tried again for long enough
+        workers._client.close()  # as it does by itself, when it has tried again for long enough
         with pytest.raises(BrokenExecutor):
-            _ = crew.size
+            _ = workers.size
         with pytest.raises(InputError, match=f"{local.scheduler_address}: the cluster was lost"):
             list(spread(abs, [-3]))
 
 
 def test_a_worker_that_does_not_see_a_folder_is_named(scheduler, tmp_path):
-    with connected(scheduler) as crew:
-        crew.check(tmp_path)
+    with connected(scheduler) as workers:
+        workers.check(tmp_path)
         with pytest.raises(InputError, match=rf"worker tcp://\S+ does not see {tmp_path}/absent"):
-            crew.check(tmp_path / "absent")
+            workers.check(tmp_path / "absent")
 
 
 @pytest.mark.slow
@@ -111,8 +111,8 @@ def test_an_executor_does_the_task_of_a_worker_that_dies_on_another(scheduler, t
             os.kill(os.getpid(), signal.SIGKILL)
         return os.getpid()
 
-    with connected(scheduler) as crew, crew.executor() as hands:
-        assert crew.size == 2
+    with connected(scheduler) as workers, workers.executor() as hands:
+        assert workers.size == 2
         assert hands.submit(die_once, str(tmp_path / "died")).result() != os.getpid()
         assert (tmp_path / "died").exists()
         with pytest.raises(ZeroDivisionError):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_common.delimited_text import read_csv
 from sandbot_common.errors import InputError
 from sandbot_common.files import (
     base_name,
@@ -20,7 +21,6 @@ from sandbot_common.files import (
     write_text,
     writing,
 )
-from sandbot_common.separated import read_csv
 from sandbot_common.yaml_text import read_yaml
 
 

@@ -1,4 +1,4 @@
-"""What a door of Python takes, and what it names."""
+"""What a function of the Python API takes, and what its errors name."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.typed import check_types, is_a, number_or_nan
 
 
-def door(
+def api(
     data: "anything",  # noqa: F821
     names: Sequence[str | Path] = (),
     count: int = 1,
@@ -18,7 +18,7 @@ def door(
     heard: Callable[[int], None] = print,
     by_name: Mapping[str, int] | str = "",
 ) -> int:
-    check_types(door, locals())
+    check_types(api, locals())
     return 0
 
 
@@ -32,7 +32,7 @@ def door(
     ],
 )
 def test_what_is_of_its_type_is_taken(given):
-    assert door(object(), **given) == 0
+    assert api(object(), **given) == 0
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_what_is_of_its_type_is_taken(given):
 )
 def test_what_is_not_is_named_in_one_line(given, said):
     with pytest.raises(InputError) as caught:
-        door(object(), **given)
+        api(object(), **given)
     assert str(caught.value).startswith(said)
     assert "\n" not in str(caught.value)
 

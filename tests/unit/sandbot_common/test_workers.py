@@ -7,7 +7,7 @@ from concurrent.futures import BrokenExecutor
 
 import pytest
 
-from sandbot_common.renewed import Renewed
+from sandbot_common.restarting_pool import RestartingPool
 from sandbot_common.workers import pool
 
 ORPHANS = """
@@ -121,7 +121,7 @@ def test_a_killed_worker_costs_what_it_had_in_hand_and_nothing_more():
         made.append(pool(1, "fork"))
         return made[-1]
 
-    with Renewed(pool(1, "fork"), anew) as workers:
+    with RestartingPool(pool(1, "fork"), anew) as workers:
         assert workers.submit(abs, -1).result() == 1
         with pytest.raises(BrokenExecutor):
             workers.submit(end, 0).result()

@@ -8,8 +8,8 @@ from sandbot_bringup.config import config_folder
 from sandbot_common.errors import InputError
 from sandbot_common.yaml_text import read_yaml
 from sandbot_lab.cameras import LabCamera
+from sandbot_lab.degradation import MAX_JITTER
 from sandbot_lab.film import Film
-from sandbot_lab.spoiler import MAX_JITTER
 from sandbot_lab.world import World, read_world, write_world
 
 CAMERAS = read_yaml(config_folder() / "cameras.yaml")

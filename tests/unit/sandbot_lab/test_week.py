@@ -10,8 +10,8 @@ from test_cameras import CAMERAS
 
 from sandbot_common.errors import InputError
 from sandbot_lab.direct import ReadingErrors, direct_trials
+from sandbot_lab.live_trial import LiveTrial
 from sandbot_lab.robot import as_seen, simulate
-from sandbot_lab.stage import LiveTrial
 from sandbot_lab.week import Occasion, Week, seen_x_m
 from sandbot_lab.world import null_world, read_world, world_from_mapping, write_world
 

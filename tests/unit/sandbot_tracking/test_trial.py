@@ -9,7 +9,7 @@ import pytest
 from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
-from sandbot_tracking import fold, trial
+from sandbot_tracking import fold, folded_peak, trial
 from sandbot_tracking.fold import NotMeasured
 from sandbot_tracking.trial import never_measured, summarise
 
@@ -92,7 +92,7 @@ def test_no_peak_is_read_from_a_curve_across_a_gap(monkeypatch, ratio):
     """
     groups, even = list(short_walks(24.0, ratio)), list(short_walks(22.0, ratio))
     assert groups == pytest.approx([1.0] * len(groups), abs=0.015)
-    monkeypatch.setattr(fold, "_MAX_GAP", np.inf)
+    monkeypatch.setattr(folded_peak, "_MAX_GAP", np.inf)
     assert max(short_walks(24.0, ratio)) > 1.05
     assert list(short_walks(22.0, ratio)) == even
 
@@ -291,19 +291,19 @@ def test_steps_that_are_only_irregular_blame_no_clock(rng):
     number = np.arange(0.0, 10.0, 0.05) + 1e-9
     for _ in range(200):
         late = np.repeat(rng.uniform(-0.5, 0.5, 10), 20)
-        fold._check_in_step(number, np.sin(np.pi * (number % 1.0)) ** 2 * np.cos(2 * np.pi * (number - late)))
+        fold.check_in_step(number, np.sin(np.pi * (number % 1.0)) ** 2 * np.cos(2 * np.pi * (number - late)))
     with pytest.raises(NotMeasured, match=r"1\.01 ± .* % longer"):
-        fold._check_in_step(number, np.sin(np.pi * (0.99 * number % 1.0)) ** 4)
+        fold.check_in_step(number, np.sin(np.pi * (0.99 * number % 1.0)) ** 4)
 
 
 @pytest.mark.parametrize("rests", [[0.0, np.nan, 0.1, np.nan], [0.0, 0.05, 0.1, 0.15]])
 def test_a_film_in_which_no_step_has_both_its_ends_has_no_peak_and_no_warning(rests):
     t_s = np.linspace(0.0, 3.0, 300)
     if np.isfinite(rests).all():
-        assert fold.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests)) == pytest.approx(0.05)
+        assert folded_peak.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests)) == pytest.approx(0.05)
         return
     with pytest.raises(NotMeasured, match="0 frames in steady steps"):
-        fold.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests))
+        folded_peak.peak_slope(t_s, 0.05 * t_s, np.arange(4.0), np.array(rests))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from sandbot_common.errors import InputError
-from trackway_door import doctor
-from trackway_door.doctor import Finding
+from trackway_command import doctor
+from trackway_command.doctor import Finding
 
 Usage = namedtuple("Usage", "total used free")
 

@@ -1,4 +1,4 @@
-"""The one door: its verbs are the executables, from any folder and with nothing sourced."""
+"""The command `trackway`: its verbs are the executables, from any folder and with nothing sourced."""
 
 import os
 import re
@@ -12,11 +12,11 @@ import pytest
 
 import install_ros2_fallback as installer
 from sandbot_common.errors import InputError
-from trackway_door import main as door
-from trackway_door.verbs import FLAGS, MANY, VERBS, then, usage
+from trackway_command import main
+from trackway_command.verbs import FLAGS, MANY, VERBS, then, usage
 
 BARE = {"PATH": "/usr/bin:/bin", "HOME": "/tmp"}
-TRACKWAY = installer.DOOR
+TRACKWAY = installer.TRACKWAY
 NO_FORWARD = {"demo", "doctor", "live"}
 NEXT, REPORT = ("discover", "explore"), "--html report.html"
 
@@ -29,14 +29,14 @@ def trackway(*arguments, **options):
 
 def test_it_is_put_beside_python_and_again_changes_nothing(tmp_path):
     for _ in range(2):
-        installer.install_door(tmp_path)
+        installer.install_trackway(tmp_path)
         assert (tmp_path / "trackway").resolve() == TRACKWAY
         assert not (tmp_path / "trackway").readlink().is_absolute()
 
 
 @pytest.mark.parametrize("name", sorted(VERBS.keys() - NO_FORWARD))
 def test_a_verb_is_the_executable_of_its_name(name):
-    path, *arguments = door.command(name, ["--flag", "x"], {})
+    path, *arguments = main.command(name, ["--flag", "x"], {})
     assert os.access(path, os.X_OK)
     assert Path(path).name == name
     assert Path(path).parent.name == VERBS[name].package
@@ -44,7 +44,7 @@ def test_a_verb_is_the_executable_of_its_name(name):
 
 
 def test_every_executable_of_the_workspace_has_a_line_or_is_forwarded_to():
-    others = {name for package in door.PACKAGES for name in door.executables(package)} - VERBS.keys()
+    others = {name for package in main.PACKAGES for name in main.executables(package)} - VERBS.keys()
     told = usage(sorted(others))
     assert {"clock", "bed", "tracker", "camera", "predictor"} <= others
     for name in (*VERBS, *others):
@@ -64,25 +64,25 @@ def test_the_shells_pipe_is_a_file_of_the_verb(tmp_path):
 
 def test_an_error_is_of_its_verb(capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["trackway"])
-    assert door.main(["doctor", "--patience", "x"]) == 2
+    assert main.main(["doctor", "--patience", "x"]) == 2
     assert capsys.readouterr().err.startswith("doctor: error: argument --patience")
 
 
 def test_demo_runs_the_script_and_live_the_launch_file():
-    assert door.command("demo", [], {})[1:] == [str(door.TOOLS / "demo.sh"), *door.DEMO]
-    assert door.command("demo", ["mine"], {})[2:] == ["mine", door.DEMO[1]]
-    assert door.command("demo", ["mine", "7"], {})[2:] == ["mine", "7"]
+    assert main.command("demo", [], {})[1:] == [str(main.TOOLS / "demo.sh"), *main.DEMO]
+    assert main.command("demo", ["mine"], {})[2:] == ["mine", main.DEMO[1]]
+    assert main.command("demo", ["mine", "7"], {})[2:] == ["mine", "7"]
     with pytest.raises(InputError, match="no option --sed; known: --help"):
-        door.command("demo", ["--sed", "7"], {})
+        main.command("demo", ["--sed", "7"], {})
     with pytest.raises(SystemExit, match="0"):
-        door.command("demo", ["--help"], {})
-    assert (door.TOOLS / "demo.sh").is_file()
-    assert door.command("live", ["console:=true"], {})[-2:] == ["trackway.launch.py", "console:=true"]
+        main.command("demo", ["--help"], {})
+    assert (main.TOOLS / "demo.sh").is_file()
+    assert main.command("live", ["console:=true"], {})[-2:] == ["trackway.launch.py", "console:=true"]
 
 
 def test_a_verb_that_is_none_is_answered_with_the_one_that_may_be_meant():
     with pytest.raises(InputError, match="no verb 'compar', did you mean 'compare'"):
-        door.command("compar", [], {})
+        main.command("compar", [], {})
 
 
 OWN = ["--effects-from", "own.py"]
@@ -127,7 +127,7 @@ def test_what_is_next_works_as_printed(arguments, told, tmp_path, monkeypatch):
 
 def usage_of(name):
     """The usage of a verb in docs/lookup/commands.md, without metavariables in quotes."""
-    text = (door.TOOLS.parent / "docs/lookup/commands.md").read_text(encoding="utf-8")
+    text = (main.TOOLS.parent / "docs/lookup/commands.md").read_text(encoding="utf-8")
     return re.sub(r"'[^']*'", "X", re.search(rf"^usage: {name} (.*?)\n\n", text, re.DOTALL | re.MULTILINE)[1])
 
 
@@ -173,7 +173,7 @@ RUN = [sys.executable, str(TRACKWAY.with_name("ros2")), "run", "sandbot_model"]
 
 
 def struck():
-    """Ctrl-C before anybody can answer it: held back, as the doors hold it while they import."""
+    """Ctrl-C before anybody can answer it: held back, as it is held while a command imports."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.kill(os.getpid(), signal.SIGINT)
 
@@ -193,19 +193,19 @@ def test_ctrl_c_while_all_is_being_imported_is_one_line_and_130(how, verb, tmp_p
 
 def test_what_is_not_ours_is_never_started_with_ctrl_c_held_back(tmp_path):
     asks = "import signal, sys; sys.exit(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
-    assert door._run([sys.executable, "-c", asks], ours=True) == 1
-    assert door._run([sys.executable, "-c", asks], ours=False) == 0
+    assert main._run([sys.executable, "-c", asks], ours=True) == 1
+    assert main._run([sys.executable, "-c", asks], ours=False) == 0
 
 
 @pytest.mark.parametrize("group", [False, True], ids=["sent to it alone", "sent to all, as by a terminal"])
 def test_an_interrupt_that_a_process_sends_ends_the_verb_too(group):
-    """A shell's `kill -INT $!` and a supervisor know the door's process only."""
+    """A shell's `kill -INT $!` and a supervisor know only the process of `trackway`."""
     waits = "import signal, sys\ntry: print('here', flush=True), signal.pause()\nexcept KeyboardInterrupt: sys.exit(7)"
     verb = [sys.executable, "-c", waits]
-    opens = f"import sys; from trackway_door.main import _run; sys.exit(_run({verb!r}, ours=False))"
-    door_of = [sys.executable, "-c", opens]
+    opens = f"import sys; from trackway_command.main import _run; sys.exit(_run({verb!r}, ours=False))"
+    trackway_of = [sys.executable, "-c", opens]
     with subprocess.Popen(
-        door_of,
+        trackway_of,
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
@@ -217,14 +217,14 @@ def test_an_interrupt_that_a_process_sends_ends_the_verb_too(group):
 
 
 def test_version_and_help(capsys):
-    assert door._main(["--version"]) == 0
+    assert main._main(["--version"]) == 0
     assert re.fullmatch(r"trackway \d+\.\d+\.\d+, commit [0-9a-f]{7,}(-dirty)?\n", capsys.readouterr().out)
-    assert door._main(["help"]) == 0
+    assert main._main(["help"]) == 0
     assert capsys.readouterr().out.startswith("usage: trackway VERB")
 
 
 def test_a_verb_that_a_signal_ends_says_so_as_a_shell_does():
-    assert door._run(["sh", "-c", "kill -TERM $$"], ours=False) == 128 + signal.SIGTERM
+    assert main._run(["sh", "-c", "kill -TERM $$"], ours=False) == 128 + signal.SIGTERM
 
 
 @pytest.fixture(autouse=True)

@@ -1,7 +1,7 @@
 """Launch files, configuration, the campaign runner and the console.
 
 node_table        the nodes of a launch: processes, parameters, arguments; config: files installed or named by a plan
-plan              campaign.yaml to trials; run_order: in random blocks; foresight: which effects they could detect
+plan              campaign.yaml to trials; run_order: in random blocks; power_analysis: which effects they could detect
 folder            the campaign folder's layout; provenance: a bag's record of its trial; endings: how a trial ends early
 runner            a campaign in batch, over worker processes; batch, trial_bag: one trial of it, and its bag
 until             a campaign until a verdict; truth: the lab's sealed world, opened afterwards

@@ -20,9 +20,9 @@ from sandbot_common.robot import Robot
 from sandbot_common.yaml_text import load_yaml
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
+from sandbot_lab.degradation import check_jitter
+from sandbot_lab.live_trial import LED_ON_S
 from sandbot_lab.robot import Trace, as_seen, simulate
-from sandbot_lab.spoiler import check_jitter
-from sandbot_lab.stage import LED_ON_S
 from sandbot_lab.world import World, draw_additional, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker

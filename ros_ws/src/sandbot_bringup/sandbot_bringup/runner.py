@@ -4,13 +4,13 @@ import errno
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from tqdm import tqdm
 
 from sandbot_bringup.plan import PlannedTrial
-from sandbot_common.crew import Crew
+from sandbot_common.parallel import Workers
 from sandbot_common.workers import Finished
 
 Job = Callable[[PlannedTrial, int], Path]
@@ -30,50 +30,63 @@ class Outcome:
     """Whether any failed for lack of a worker or of disk space, and so may succeed if run again."""
 
 
-def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
+def run(trials: Sequence[PlannedTrial], job: Job, workers: Workers) -> Outcome:
     """Run ``job`` on every trial. A failing trial does not stop the others, unless the disk takes nothing more.
 
     On Ctrl-C the trials under way are finished, no new one is begun, and KeyboardInterrupt propagates to the caller.
     """
-    finished: list[str] = []
-    failed: list[tuple[str, str]] = []
-    cut_short = False
+    progress = _Progress(list(reversed(trials)))
+    done = Finished()
     with (
-        crew.executor() as executor,
+        workers.executor() as executor,
         tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5, delay=0.5) as bar,
     ):
-        waiting = list(reversed(trials))
-        running: dict[Future[Path], PlannedTrial] = {}
-        done = Finished()
         try:
-            while waiting or running:
+            while progress.waiting or progress.running:
                 # Only what the workers can start soon is submitted, so that Ctrl-C has little to wait for.
-                while waiting and len(running) < 2 * crew.size:
-                    future = executor.submit(job, waiting[-1], time.time_ns())
-                    running[future] = waiting.pop()
+                while progress.waiting and len(progress.running) < 2 * workers.size:
+                    future = executor.submit(job, progress.waiting[-1], time.time_ns())
+                    progress.running[future] = progress.waiting.pop()
                     done.announce(future)
-                future = done.next()
-                if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
-                    raise BrokenExecutor
-                trial = running.pop(future)
-                if (error := future.exception()) is not None:
-                    cut_short = cut_short or isinstance(error, OSError)
-                    no_room = _no_room(error)
-                    failed.append((trial.trial_id, no_room or f"{type(error).__name__}: {error}"))
-                    if no_room:
-                        failed += [(each.trial_id, no_room) for each in reversed(waiting)]
-                        waiting.clear()
-                else:
-                    finished.append(trial.trial_id)
+                progress.take(done.next())
                 bar.update()
         except KeyboardInterrupt:
             executor.shutdown(wait=True, cancel_futures=True)
             raise
         except BrokenExecutor:
-            lost = [*running.values(), *reversed(waiting)]
-            failed += [(trial.trial_id, f"{crew.lost}; resume to run it") for trial in lost]
-            cut_short = True
-    return Outcome(tuple(finished), tuple(failed), cut_short)
+            progress.lose(f"{workers.lost}; resume to run it")
+    return Outcome(tuple(progress.finished), tuple(progress.failed), progress.cut_short)
+
+
+@dataclass
+class _Progress:
+    """The trials that wait, the next one last, those that run, and what became of the others."""
+
+    waiting: list[PlannedTrial]
+    running: dict[Future[Path], PlannedTrial] = field(default_factory=dict)
+    finished: list[str] = field(default_factory=list)
+    failed: list[tuple[str, str]] = field(default_factory=list)
+    cut_short: bool = False
+
+    def take(self, future: Future[Path]) -> None:
+        """A trial that ran has ended. Raises BrokenExecutor if it was lost with its worker."""
+        if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
+            raise BrokenExecutor
+        trial, error = self.running.pop(future), future.exception()
+        if error is None:
+            self.finished.append(trial.trial_id)
+            return
+        self.cut_short = self.cut_short or isinstance(error, OSError)
+        no_room = _no_room(error)
+        self.failed.append((trial.trial_id, no_room or f"{type(error).__name__}: {error}"))
+        if no_room:
+            self.failed += [(each.trial_id, no_room) for each in reversed(self.waiting)]
+            self.waiting.clear()
+
+    def lose(self, why: str) -> None:
+        """The workers are gone, and all trials that ran or waited with them."""
+        self.failed += [(trial.trial_id, why) for trial in (*self.running.values(), *reversed(self.waiting))]
+        self.cut_short = True
 
 
 def _no_room(error: BaseException) -> str:

@@ -17,9 +17,9 @@ import numpy as np
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import remove_torn_line
 from sandbot_bringup.plan import ExtraTrials, Plan, trials_of, with_block
-from sandbot_common.crew import Crew, Processes
 from sandbot_common.errors import InputError
 from sandbot_common.files import append_line, parse_json, read_text, write_json
+from sandbot_common.parallel import Processes, Workers
 from sandbot_common.parameters import from_mapping
 from sandbot_common.suggest import did_you_mean
 from sandbot_record.bags import metadata
@@ -59,30 +59,32 @@ def with_start(plan: Plan, where: str = "plan") -> Plan:
     return grown
 
 
-def decide(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), crew: Crew = ALONE) -> tuple[Plan, Entry]:
+def decide(
+    plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), workers: Workers = ALONE
+) -> tuple[Plan, Entry]:
     """The plan with the next block, or unchanged if the campaign is over, and the look that says why.
 
     Conditions of trials that the operator has skipped, ``vetoed``, are not planned again.
     """
     trials = trials_of(plan)
     done = len(trials) - len(folder.missing(trials))
-    known = {"planned": len(trials), "finished": done, "ok": _count_ok(folder, crew)}
+    known = {"planned": len(trials), "finished": done, "ok": _count_ok(folder, workers)}
     entries = looks_of(folder)
     entry = next((e for e in reversed(entries) if _is_current(e, known) and not _budget_has_changed(e, plan)), None)
     if entry is None:
-        entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
+        entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, workers)}
         remove_torn_line(folder.looks)
         append_line(folder.looks, entry)
     return with_block(plan, entry["next"]) if entry["next"] else plan, entry
 
 
-def _count_ok(folder: CampaignFolder, crew: Crew) -> int:
+def _count_ok(folder: CampaignFolder, workers: Workers) -> int:
     """The number of trials that are ok now; a failed one may have been run again since the last look."""
     from sandbot_record.trials import from_bags
     from sandbot_record.trials.table import OK
 
     try:
-        return int((from_bags.campaign(folder.path, crew).trials.status == OK).sum())
+        return int((from_bags.campaign(folder.path, workers).trials.status == OK).sum())
     except InputError:
         return 0  # no usable trial; the look explains it
 
@@ -116,7 +118,7 @@ def _entry(line: str, where: str) -> Entry:
     return found
 
 
-def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, crew: Crew) -> Entry:
+def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, workers: Workers) -> Entry:
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.design import look as design
     from sandbot_model.discovery.criteria import of_bed
@@ -129,8 +131,8 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     if not grid:
         raise InputError(f"{plan.name}: every condition of the plan has been skipped: there is nothing left to run")
     offered = design.Plan(grid, trial_cost(plan, folder), plan.replicates, plan.gait_name)
-    cells = cells_of(from_bags.campaign(folder.path, crew).trials)
-    with crew.map() as fit_all:
+    cells = cells_of(from_bags.campaign(folder.path, workers).trials)
+    with workers.map() as fit_all:
         found = design.look(
             cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha,
             criteria=of_bed(plan.bed_scatter, plan.bed_drift), fit_all=fit_all,

@@ -103,9 +103,10 @@ def leg_angles(gait: Gait, omega_rad_s: float, t_s: ArrayLike, tripod: int = TRI
 
 
 def tripod_angles(
-    gait: Gait, phase_a: Floats, phase_b: Floats, pace_a: ArrayLike, pace_b: ArrayLike, tripod: int = TRIPOD
+    gait: Gait, phase_a: Floats, phase_b: Floats, pace_a: ArrayLike, pace_b: ArrayLike, tripod: int
 ) -> tuple[Floats, Floats]:
-    """Angles [rad] and rates [rad/s] of all legs from two tripods' phases [turns] and paces [turns/s]."""
+    """Angles [rad] and rates [rad/s] ``(*phase_a.shape, 2 tripod)`` of all legs from two tripods' phases [turns] and
+    paces [turns/s]."""
     angle, slope = angle_of_phase(gait, np.stack([phase_a, phase_b], axis=-1))
     pace = np.stack(np.broadcast_arrays(pace_a, pace_b, phase_a)[:2], axis=-1)
     return np.repeat(angle, tripod, axis=-1), np.repeat(slope * pace, tripod, axis=-1)

@@ -13,8 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from sandbot_common.crew import Map
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Map
 
 PATIENCE_S = 10.0
 """How long to wait for a cluster."""
@@ -70,7 +70,7 @@ async def _answers(address: str, patience_s: float) -> None:
 
 
 class Cluster:
-    """A crew; see ``crew.Crew``."""
+    """The workers of a Dask cluster; see ``parallel.Workers``."""
 
     lost = "the cluster was lost"
 

@@ -20,7 +20,7 @@ from sandbot_common.robot import Robot
 from sandbot_hardware import lines
 from sandbot_hardware.pseudo_terminal import Terminal
 from sandbot_lab.cameras import LabCamera
-from sandbot_lab.stage import NANO, LiveTrial, warm_up
+from sandbot_lab.live_trial import NANO, LiveTrial, warm_up
 from sandbot_lab.world import START_X_M, null_world
 
 CAMERAS = tuple(topics.VIEWS)

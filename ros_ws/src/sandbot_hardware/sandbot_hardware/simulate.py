@@ -25,7 +25,7 @@ from sandbot_hardware.lines import Line
 from sandbot_hardware.pseudo_terminal import Terminal
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import check_cameras
-from sandbot_lab.stage import NANO, LiveTrial, warm_up
+from sandbot_lab.live_trial import NANO, LiveTrial, warm_up
 from sandbot_lab.world import START_X_M, null_world
 
 CONTROLLERS = ("bed", "legs")

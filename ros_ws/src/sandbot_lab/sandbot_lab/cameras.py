@@ -16,10 +16,10 @@ from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.calibration import Calibration, calibration
+from sandbot_lab.degradation import Degradation, check_jitter
 from sandbot_lab.drawing import draw_box, draw_disc
 from sandbot_lab.film import Film
 from sandbot_lab.scenery import Scenery
-from sandbot_lab.spoiler import Spoiler, check_jitter
 
 BODY_LENGTH_M, BODY_WIDTH_M, BODY_HEIGHT_M = 0.30, 0.15, 0.12
 MARKER_RADIUS_PX = 6.0
@@ -81,7 +81,7 @@ class LabCamera:
             raise InputError(f"camera {name}: plane: the robot's markers move across {along}, so normal is {along}")
         self._body, self._robot = body, robot
         check_jitter(film or Film(), self.calibration.frame_rate_hz)
-        self._spoiler = Spoiler(film or Film(), name, seed, _PEDESTAL)
+        self._degradation = Degradation(film or Film(), name, seed, _PEDESTAL)
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)
         self._noise = _noise_tile(self.calibration.height + _SLACK[0], self.calibration.width + _SLACK[1])
@@ -120,9 +120,9 @@ class LabCamera:
             centre = np.array([left + 0.5 * (width - 1)]), np.array([top + 0.5 * (height - 1)])
             draw_disc(image, *centre, 0.4 * min(width, height), LED_GREY - _PEDESTAL)
         rows, columns = image.shape
-        image = self._spoiler.seen(image, t_s)
+        image = self._degradation.degraded(image, t_s)
         noisy: Frame = cv2.add(image, _window(self._noise, rows, columns, self._rng), dst=image)
-        return self._spoiler.sent(noisy)
+        return self._degradation.compressed(noisy)
 
     def film(self, motion: Motion, t_s: float, led_on: bool = False) -> Frame:
         """The frame whose exposure is centred on ``t_s`` of a motion; before and after it the robot stands still."""
@@ -135,11 +135,11 @@ class LabCamera:
 
     def instant_s(self, number: int) -> float:
         """When a frame is taken, relative to frame 0; numbers may be negative."""
-        return self._spoiler.instant_s(number, self.calibration.frame_rate_hz)
+        return self._degradation.instant_s(number, self.calibration.frame_rate_hz)
 
     def comes(self, number: int) -> int:
         """How many times a frame is sent: once unless ``film`` drops or doubles it."""
-        return self._spoiler.comes(number)
+        return self._degradation.comes(number)
 
     def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
         """Positions (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""

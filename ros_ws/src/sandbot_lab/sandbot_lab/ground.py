@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_lab.jit import jit
-from sandbot_lab.outsiders import strength_factor
+from sandbot_lab.off_catalogue import strength_factor
 
 FOOT = 0.05  # half length of a foot's print, in leg radii
 CRATER_REACH = 1.2  # a crater lowers the surface this far from its centre, in leg radii

@@ -4,7 +4,7 @@ from math import asin, cos, pi, sin, tan
 from typing import Any
 
 from sandbot_lab.jit import jit
-from sandbot_lab.outsiders import advance_factor, x_belly_suction
+from sandbot_lab.off_catalogue import advance_factor, x_belly_suction
 
 TRACTION_STRESS = 146e3  # alpha_x [N/m3]: 1.5 alpha_x w d^2 is 4 N at the reference depth
 GRAIN_DENSITY = 1100.0

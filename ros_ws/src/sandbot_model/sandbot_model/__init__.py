@@ -5,7 +5,7 @@
     found                                # verdict, ladder, parameters
     found.fit.to_frame(); found.plot(); sm.compare("table.csv", effects=["stance_overlap"]).plot()
 
-The rooms, each of which imports only those above it in this list:
+The subpackages, each of which imports only those above it in this list:
 
     physics/    robot, chain of quantities, walking, effects/ (one file each), catalogue, formula, predictor
     data/       trials gathered into cells, with their pure error
@@ -20,14 +20,14 @@ The rooms, each of which imports only those above it in this list:
 
 from typing import TYPE_CHECKING
 
-from sandbot_common.lazy import door
+from sandbot_common.lazy import attach
 
 if TYPE_CHECKING:
     from sandbot_common.errors import InputError
     from sandbot_model.discovery.criteria import Criteria
     from sandbot_model.physics.chain import Chain
     from sandbot_model.physics.effect import Effect, Parameter, Values
-    from sandbot_model.tools.door import compare, discover
+    from sandbot_model.tools.python_api import compare, discover
     from sandbot_record.trials.read import read
     from sandbot_record.trials.table import Trials
 
@@ -44,9 +44,9 @@ __all__ = (
     "read",
 )
 
-_HOME = {
-    "discover": ".tools.door",
-    "compare": ".tools.door",
+_MODULES = {
+    "discover": ".tools.python_api",
+    "compare": ".tools.python_api",
     "read": "sandbot_record.trials.read",
     "Trials": "sandbot_record.trials.table",
     "Criteria": ".discovery.criteria",
@@ -56,4 +56,4 @@ _HOME = {
     "Chain": ".physics.chain",
     "InputError": "sandbot_common.errors",
 }
-__getattr__, __dir__ = door(__name__, _HOME)
+__getattr__, __dir__ = attach(__name__, _MODULES)

@@ -33,9 +33,11 @@ class PredictorParameters:
     # ROS has no empty list of strings.
     effect: tuple[str, ...] = parameter(("",), doc="your own effects as formulas, as --effect of compare")
     effects_from: tuple[str, ...] = parameter(("",), doc="Python files with effects of your own")
-    values: str = parameter("", doc="their parameters, e.g. 'stance_overlap.eta=0.1, ...' (default: each one's start)")
+    values: str = parameter(
+        "", doc="parameters of the effects, e.g. 'stance_overlap.eta=0.1, ...' (default: usual values)"
+    )
     phi: tuple[float, ...] = parameter(_PHI, doc="volume fractions of the k table", low=0.3, high=0.8)
-    k_n_per_m: tuple[float, ...] = parameter(_K, unit="N/m", doc="k at those", low=1.0, high=1e5)
+    k_n_per_m: tuple[float, ...] = parameter(_K, unit="N/m", doc="k at these volume fractions", low=1.0, high=1e5)
     delta_t_s: float = parameter(0.4, unit="s", doc="time in which the body is brought to leg speed", low=0.02, high=10)
     v_swim_m_s: float = parameter(0.02, unit="m/s", doc="swimming speed", low=0.0, high=1.0)
 
@@ -59,9 +61,7 @@ def predictor_of(given: PredictorParameters) -> Predictor:
     return predictor(model, values, np.array(given.phi), np.array(given.k_n_per_m), "values")
 
 
-def predictor_from_json(
-    path: Path, robot: Robot | None = None, effects: Mapping[str, Effect] | None = None
-) -> Predictor:
+def predictor_from_json(path: Path, robot: Robot | None, effects: Mapping[str, Effect] | None) -> Predictor:
     """The last step of a result of ``discover --json`` or ``compare --json``, which must be for ``robot`` if given.
 
     ``effects`` are by default the catalogue's.

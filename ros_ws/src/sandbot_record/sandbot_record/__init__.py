@@ -35,7 +35,7 @@ tools/            record, replay, recover, info, table
 
 from typing import TYPE_CHECKING
 
-from sandbot_common.lazy import door
+from sandbot_common.lazy import attach
 
 if TYPE_CHECKING:
     from sandbot_record.bags.reader import Bag, read
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 __all__ = ("Bag", "BagWriter", "Trials", "read", "read_trials")
 
-_HOME = {
+_MODULES = {
     "read": ".bags.reader",
     "Bag": ".bags.reader",
     "BagWriter": ".bags.writer",
     "read_trials": ".trials.read:read",
     "Trials": ".trials.table",
 }
-__getattr__, __dir__ = door(__name__, _HOME)
+__getattr__, __dir__ = attach(__name__, _MODULES)

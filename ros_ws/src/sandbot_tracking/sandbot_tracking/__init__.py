@@ -12,7 +12,7 @@ videos          track(): marker videos to landmarks, speed and observables
     search      patches of a marker's size in a whole frame
     disc        one disc measured to the camera's noise; rim: the intensity profile of its edge
     bed         the background of grains behind the markers, learnt from the frames
-    bystanders  marker-like objects that were seen together with all markers, and so are not markers
+    distractors marker-like objects that were seen together with all markers, and so are not markers
   led           the sync LED in the frames
   pairing       frames of both cameras taken at the same instant
 calibration     pixels to metres and back: Camera, read_cameras
@@ -20,20 +20,21 @@ lens            a camera from a chessboard and from points in space
 live            the same frame by frame, while a trial runs
   pixels        image messages to grey pixels
   camera_clock  a camera's clock against the robot's; frame_times: period, jitter and frames lost
-  standpoint    whether a camera stays where it stood when the trial began
+  camera_motion  whether a camera stays where it stood when the trial began
   latency       from exposure to speed
 speed           velocity from positions in real time, without lag
 smooth          velocity from positions afterwards
 period          mean speed and lift of each turn of the legs, live
 trial           a trial's observables from landmarks and leg angles
-  fold          folds all steps onto one phase axis; the steepest and the highest point; windows: compiled fits
+  fold          all steps on one phase axis
+  folded_peak   the steepest and the highest point of the folded step; windows: compiled fits
 nodes/          tracker_node and camera_node connect them to ROS
 tools/          calibrate, track_video
 """
 
 from typing import TYPE_CHECKING
 
-from sandbot_common.lazy import door
+from sandbot_common.lazy import attach
 
 if TYPE_CHECKING:
     from sandbot_tracking.calibration import Camera, read_cameras
@@ -41,5 +42,5 @@ if TYPE_CHECKING:
 
 __all__ = ("Camera", "Track", "read_cameras", "track")
 
-_HOME = {"track": ".videos", "Track": ".videos", "Camera": ".calibration", "read_cameras": ".calibration"}
-__getattr__, __dir__ = door(__name__, _HOME)
+_MODULES = {"track": ".videos", "Track": ".videos", "Camera": ".calibration", "read_cameras": ".calibration"}
+__getattr__, __dir__ = attach(__name__, _MODULES)

@@ -16,6 +16,7 @@ from sandbot_common.arrays import Floats, Frame
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.camera_clock import NANO, CameraClock
+from sandbot_tracking.camera_motion import CameraMotion
 from sandbot_tracking.frame_times import FrameTimes
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.marker_tracker import Marks
@@ -23,7 +24,6 @@ from sandbot_tracking.offline import Axles, OfflineTracker, Sample, check_size
 from sandbot_tracking.pairing import Instant, Pairing
 from sandbot_tracking.period import PeriodMean, PeriodMeans
 from sandbot_tracking.speed import HarmonicSpeed
-from sandbot_tracking.standpoint import Standpoint
 
 MAX_HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""
@@ -56,7 +56,7 @@ class LiveView:
         period_s = 1.0 / camera.frame_rate_hz
         self.shape = camera.height, camera.width
         self._rate_hz = camera.frame_rate_hz
-        self.standpoint = Standpoint(camera.frame_rate_hz)
+        self.motion = CameraMotion(camera.frame_rate_hz)
         self.times = FrameTimes(period_s)
         self.clock = CameraClock(period_s, camera.exposure_s, led=camera.led_region is not None)
         self.unplaced = self.frozen = 0
@@ -87,9 +87,9 @@ class LiveView:
             self.held.clear()
         return True
 
-    def stand(self) -> None:
+    def begin_trial(self) -> None:
         """A trial begins: the camera must stay where it stands."""
-        self.standpoint = Standpoint(self._rate_hz)
+        self.motion = CameraMotion(self._rate_hz)
 
     @property
     def figures(self) -> dict[str, object]:
@@ -113,7 +113,7 @@ class LiveView:
             "led_missed": clock.missed,
             "led_unannounced": clock.unannounced,
             health.CLOCK_JUMPS: clock.jumps,
-            health.MOVED_PX: f"{self.standpoint.moved_px:.1f}",
+            health.MOVED_PX: f"{self.motion.moved_px:.1f}",
         }
 
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
@@ -170,9 +170,9 @@ class LiveTracker:
     def moved(self) -> str:
         """The cameras that no longer stand where they stood when the trial began; empty if all do."""
         return "; ".join(
-            f"{name}: the camera has moved by {view.standpoint.moved_px:.1f} px; calibrate it, then restart the tracker"
+            f"{name}: the camera has moved by {view.motion.moved_px:.1f} px; calibrate it, then restart the tracker"
             for name, view in self.views.items()
-            if view.standpoint.moved_px
+            if view.motion.moved_px
         )
 
     def _begin(self, start_ns: int) -> None:
@@ -198,7 +198,7 @@ class LiveTracker:
         self._begin(edge_ns)
         for view in self.views.values():
             view.led(edge_ns)
-            view.stand()
+            view.begin_trial()
         return self._placed()
 
     def legs(self, t_ns: int, angles: Floats, received_ns: int) -> None:
@@ -216,7 +216,7 @@ class LiveTracker:
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
         if self._walking:
-            view.standpoint.see(pixels)
+            view.motion.see(pixels)
         tracker = self.tracker
         see = tracker.see_body if camera == "dorsal" else tracker.see_axles
         view.hold(t_ns, see(t_ns / NANO, pixels))

@@ -3,7 +3,7 @@
 Each marker is searched for where constant velocity predicts it. If it is not there it is missing (NaN, and counted) and
 then searched for in a wider gate, next to its still visible neighbour, and finally in the whole frame, as far as it may
 have moved meanwhile. A similar disc farther away, such as a reflection, is rejected even if it is the only one, and so
-is one that was already there while the marker was in sight (bystanders.py). Markers of one camera are on a rigid body,
+is one that was already there while the marker was in sight (distractors.py). Markers of one camera are on a rigid body,
 so they keep their order along the image and nearly their distance: markers that violate this are dropped and counted as
 ambiguous.
 """
@@ -19,12 +19,12 @@ from sandbot_common.arrays import Floats, Frame
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_tracking.bed import StillBed
-from sandbot_tracking.bystanders import Bystanders
 from sandbot_tracking.disc import GREY_STEP, RADIUS
+from sandbot_tracking.distractors import Distractors
 from sandbot_tracking.markers import Appearance, detect, follow, is_marker
 
 LEARN_EVERY = 4
-"""Frames between updates of bed and bystanders: they change slowly, and an update costs ten times a marker."""
+"""Frames between updates of bed and distractors: they change slowly, and an update costs ten times a marker."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class MarkerTracker:
         self._appearance, self._gates = Appearance(), Gates()
         self._spacing, self._ignore = spacing_px, tuple(ignore_px)
         n = len(names)
-        self._bed, self._bystanders = StillBed(), Bystanders()
+        self._bed, self._distractors = StillBed(), Distractors()
         self._xy = np.full((n, 2), np.nan)
         self._velocity = np.zeros((n, 2))
         self._fastest = np.zeros(n)
@@ -110,7 +110,7 @@ class MarkerTracker:
         if self.counts.frames % LEARN_EVERY == 0:
             self._bed.see(frame, self._xy, self._radius)
             if found.all():
-                self._bystanders.see(frame, self._xy)
+                self._distractors.see(frame, self._xy)
         return Marks(rows[:, :2].copy(), rows[:, 2:4].copy(), found)
 
     def _search_near(self, frame: Frame) -> Floats:
@@ -121,7 +121,7 @@ class MarkerTracker:
         rows = follow(frame, where, self._radius, gates, self._bed.picture)
         for i, row in enumerate(rows):
             near = np.hypot(*(row[:2] - where[i])) <= gates[i] + 1.0
-            other = self._missed[i] > 0 and self._bystanders.among(row[None])[0]
+            other = self._missed[i] > 0 and self._distractors.among(row[None])[0]
             if not (near and self._resembles(row, i)) or self._ignored(row) or other:
                 rows[i] = np.nan
         return rows
@@ -157,7 +157,7 @@ class MarkerTracker:
         table = np.column_stack(
             (discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, np.ones(len(discs.radius_px)))
         )
-        rows = [row for row in table[~self._bystanders.among(table)] if not self._ignored(row)]
+        rows = [row for row in table[~self._distractors.among(table)] if not self._ignored(row)]
         return sorted(rows[:8], key=lambda row: float(row[0]))
 
     def _fits(self, choice: tuple[Floats, ...], rows: Floats) -> bool:

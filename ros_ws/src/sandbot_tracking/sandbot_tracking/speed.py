@@ -2,8 +2,8 @@
 records: smooth.py).
 
 A single filter cannot both average over steady gait and respond quickly when walking turns into swimming; a bank of
-interacting filters with small to large process noise (interacting multiple model, Blom & Bar-Shalom 1988) can, and its
-variance reflects which of them currently dominates.
+interacting filters with small to large process noise (interacting multiple model, Blom & Bar-Shalom 1988, IEEE Trans.
+Autom. Control 33, 780) can, and its variance reflects which of them currently dominates.
 
 Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
 """
@@ -110,10 +110,32 @@ def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats
 
 @compiled
 def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: ignore[no-untyped-def]
-    """One step of the bank, in place; returns mean and variance of v over the bank.
+    """One step of the bank (interacting multiple model), in place; returns mean and variance of v over the bank.
 
-    ``beyond_rad_s``: frequency of the first harmonic left out, by which the unexplained position is converted to speed.
+    ``means (models, states)``, ``covs (models, states, states)``, ``weights (models,)``. ``x``, ``r``: position [m],
+    NaN if not seen, and its variance. ``beyond_rad_s``: frequency of the first harmonic left out, by which the
+    unexplained position is converted to speed.
     """
+    prior = _mix(means, covs, weights)
+    likelihood = np.zeros(len(means))
+    for j in range(len(means)):
+        mean, cov = transition @ means[j], transition @ covs[j] @ transition.T + BANK[j] * noise
+        if not np.isnan(x):
+            total = cov[0, 0] + r + MISFIT_M2[j]
+            gain = cov[:, 0] / total
+            error = x - mean[0]
+            likelihood[j] = -0.5 * (error * error / total + np.log(total))
+            mean = mean + gain * error
+            cov = cov - np.outer(gain, gain) * total
+        means[j], covs[j] = mean, 0.5 * (cov + cov.T)
+    weights[:] = prior * np.exp(likelihood - likelihood.max()) + 1e-12
+    weights /= weights.sum()
+    return _speed(means, covs, weights, beyond_rad_s)
+
+
+@compiled
+def _mix(means, covs, weights):  # type: ignore[no-untyped-def]
+    """Start each model from the mixture of all that may have turned into it, in place; returns their prior weights."""
     m, k = means.shape
     swap = (1.0 - STAY) / (m - 1)
     mixed_means, mixed_covs, prior = np.zeros((m, k)), np.zeros((m, k, k)), np.empty(m)
@@ -127,20 +149,14 @@ def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: 
         for i in range(m):
             difference = means[i] - mixed_means[j]
             mixed_covs[j] += share[i] * (covs[i] + np.outer(difference, difference))
-    likelihood = np.zeros(m)
-    for j in range(m):
-        mean = transition @ mixed_means[j]
-        cov = transition @ mixed_covs[j] @ transition.T + BANK[j] * noise
-        if not np.isnan(x):
-            total = cov[0, 0] + r + MISFIT_M2[j]
-            gain = cov[:, 0] / total
-            error = x - mean[0]
-            likelihood[j] = -0.5 * (error * error / total + np.log(total))
-            mean = mean + gain * error
-            cov = cov - np.outer(gain, gain) * total
-        means[j], covs[j] = mean, 0.5 * (cov + cov.T)
-    weights[:] = prior * np.exp(likelihood - likelihood.max()) + 1e-12
-    weights /= weights.sum()
+    means[:], covs[:] = mixed_means, mixed_covs
+    return prior
+
+
+@compiled
+def _speed(means, covs, weights, beyond_rad_s):  # type: ignore[no-untyped-def]
+    """Mean and variance of v = mean + Σ c over the bank."""
+    m, k = means.shape
     v, var = 0.0, 0.0
     speeds, spreads = np.empty(m), np.empty(m)
     for j in range(m):

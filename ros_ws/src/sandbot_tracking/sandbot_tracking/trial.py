@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_tracking.fold import NotMeasured, check_enough, peak_height, peak_slope
+from sandbot_tracking.fold import NotMeasured, check_enough
+from sandbot_tracking.folded_peak import peak_height, peak_slope
 
 SWIMMING_SLACK = 0.8
 """Smallest plausible ratio of peak to mean speed: 1 for a swimmer, less the error of the peak."""
@@ -214,13 +215,14 @@ def _first_step(t: Floats, x: Floats, edges: Floats, early: float, reasons: list
 
 
 def position_at(t: Floats, x: Floats, when: float, period: float) -> float:
-    """x at a time, from a straight line through the frames within a tenth of a period (at least two); NaN in a gap."""
+    """x [m] at the time ``when`` [s] from frames ``t``, ``x (n,)``: a straight line through those within a tenth of a
+    period (at least two); NaN in a gap."""
     return _line(t, x, when, when, 0.1 * period)[1]
 
 
 def rest_position(t: Floats, x: Floats, when: float, period: float) -> float:
-    """x at the end of a step. As a leg may leave the ground less than a frame earlier, x is extrapolated from the
-    flattest of the lines through the frames before, around and after the end.
+    """x [m] at the end of a step, at ``when`` [s]. As a leg may leave the ground less than a frame earlier, x is
+    extrapolated from the flattest of the lines through the frames before, around and after the end.
     """
     reach = 0.07 * period
     lines = [_line(t, x, when + shift, when, reach) for shift in (-reach, 0.0, reach)]
@@ -254,7 +256,8 @@ def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tupl
 
 
 def steady_steps(t: Floats, x: Floats, edges: Floats, cycles: int) -> _Steps:
-    """The steady steps, cut at the phase at which the body moves least, so that rest positions are well defined."""
+    """The steady steps of frames ``t``, ``x (n,)``, cut at the phase at which the body moves least, so that rest
+    positions are well defined; ``edges (steps + 1,)`` [s] are where all steps end."""
     steady = edges[2 : 2 + 2 * cycles + 1]
     shift = quiet_phase(t, x, steady)
     cuts = steady[:-1] + shift * np.diff(steady)
@@ -265,7 +268,8 @@ def steady_steps(t: Floats, x: Floats, edges: Floats, cycles: int) -> _Steps:
 
 
 def quiet_phase(t: Floats, x: Floats, edges: Floats) -> float:
-    """The phase of a step, [0, 1), at which |dx| between frames is least, averaged over a fifth of the step."""
+    """The phase of a step, [0, 1), at which |dx/dt| between frames ``t``, ``x (n,)`` is least, averaged over a fifth of
+    the step."""
     seen = np.isfinite(x)
     middle, move = (t[seen][1:] + t[seen][:-1]) / 2, np.abs(np.diff(x[seen]) / np.diff(t[seen]))
     number = np.interp(middle, edges, np.arange(edges.size), left=np.nan, right=np.nan)

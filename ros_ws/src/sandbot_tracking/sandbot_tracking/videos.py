@@ -16,12 +16,12 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
 from sandbot_common.typed import check_types
 from sandbot_tracking.calibration import Camera, read_cameras
+from sandbot_tracking.camera_motion import CameraMotion
 from sandbot_tracking.film_rate import FrameNumbers, film_rate
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.offline import Landmarks, OfflineTracker
 from sandbot_tracking.smooth import smooth
 from sandbot_tracking.source import Source
-from sandbot_tracking.standpoint import Standpoint
 from sandbot_tracking.trial import TrialSummary, summarise
 
 if TYPE_CHECKING:
@@ -149,21 +149,21 @@ class _Films:
         with Source(self._dorsal) as top, Source(self._lateral) if self._lateral else nullcontext() as side:
             films = [film for film in (top, side) if film is not None]
             rate_hz, _ = film_rate(self._cameras, {film.name: film.rate_hz for film in films})
-            stands, numbers = [Standpoint(rate_hz) for _ in films], [FrameNumbers(film.rate_hz) for film in films]
+            motions, numbers = [CameraMotion(rate_hz) for _ in films], [FrameNumbers(film.rate_hz) for film in films]
             for n, pair in enumerate(zip_longest(*films)):
-                shown = [each for each in zip(films, pair, stands, numbers, strict=True) if each[1] is not None]
+                shown = [each for each in zip(films, pair, motions, numbers, strict=True) if each[1] is not None]
                 number = max(of.add(film.stamp_s) for film, _, _, of in shown)
-                for _, frame, camera, _ in shown:
-                    camera.see(frame)
+                for _, frame, motion, _ in shown:
+                    motion.see(frame)
                 above, beside = (*pair, None)[:2]
                 tracker.update(number / rate_hz, above, beside)
                 if led is not None and above is not None and led.update(above) and edge is None:
                     edge = n
         self._set_times(films, numbers)
         self.moved = "; ".join(
-            f"{film.name}: the camera has moved by {camera.moved_px:.1f} px during the film: positions are wrong"
-            for film, camera in zip(films, stands, strict=True)
-            if camera.moved_px
+            f"{film.name}: the camera has moved by {motion.moved_px:.1f} px during the film: positions are wrong"
+            for film, motion in zip(films, motions, strict=True)
+            if motion.moved_px
         )
         return None if edge is None else float(self.t_s[edge])
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbot_common.crew import Processes
+from sandbot_common.parallel import Processes
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import judgement, remarks
 from sandbot_model.discovery.criteria import DEFAULT

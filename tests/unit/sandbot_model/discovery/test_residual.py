@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from _drawn import drawn as drawn_by
-from sandbot_common.crew import Processes
+from sandbot_common.parallel import Processes
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare

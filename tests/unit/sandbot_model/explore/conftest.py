@@ -4,7 +4,7 @@ from inline import Inline
 from made_up import PACE, made_up_trials, walking_bag
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.scene import scene_of
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import Observable

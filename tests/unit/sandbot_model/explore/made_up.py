@@ -5,10 +5,12 @@ import threading
 from dataclasses import replace
 
 import numpy as np
+from flask import Flask
 
 from _drawn import table
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
+from sandbot_model.explore.pages import serve
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS
@@ -18,6 +20,13 @@ from sandbot_record.bags.writer import BagWriter
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+
+
+def served(page):
+    """A test client of a server with one of the explorer's pages."""
+    server = Flask("test")
+    serve(server, page.routes)
+    return server.test_client()
 
 
 def suggestions_made():

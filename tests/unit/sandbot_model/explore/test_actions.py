@@ -9,8 +9,8 @@ from made_up import BOOST
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Condition, Selection
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.selection import Condition, Selection
 from sandbot_model.explore import views
 from sandbot_model.explore.actions import (
     act,

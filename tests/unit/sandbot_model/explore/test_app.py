@@ -3,6 +3,7 @@
 import csv
 import io
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +15,7 @@ from made_up import made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection, from_mapping, from_query, to_query
+from sandbot_model.discovery.selection import Selection, from_mapping, from_query, to_query
 from sandbot_model.explore import app, effect_list, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
@@ -272,3 +273,13 @@ def test_a_formula_is_read_while_it_is_typed(typed, said):
     found = str(effect_list.formula_read(typed))
     assert found == "[]" if said is None else said in found
     assert ("data-html" in found) == (said is not None and said.startswith("a from"))
+
+
+def test_an_address_that_means_nothing_is_refused_in_a_line_by_every_page(session, trials, tmp_path):
+    client = Explorer(session, trials, [tmp_path / "x.csv"], "test").app().server.test_client()
+    pages = ("/atlas", "/atlas/fig2a_speed_omega.svg", "/effects", "/trial", "/why", "/why/progress")
+    for page, query in product(pages, ("tune=1", f"cell={5000 * '9'}")):
+        answer = client.get(f"{page}?{query}", headers={"Host": "127.0.0.1"})
+        assert (answer.status_code, len(answer.text.splitlines())) == (400, 1), page
+    for page in ("/atlas", "/effects", "/why"):
+        assert client.get(f"{page}?effect=nonsense", headers={"Host": "127.0.0.1"}).status_code == 400

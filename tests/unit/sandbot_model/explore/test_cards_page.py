@@ -6,12 +6,11 @@ from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
-from flask import Flask
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up import BOOST
+from made_up import BOOST, served
 
-from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.previews import change_of, delta_bic, folded, helps, ordered
 from sandbot_model.physics.catalogue import catalogue
@@ -28,9 +27,7 @@ PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1), st.floats(0, 1e3) | s
 
 @pytest.fixture(scope="module")
 def client(session):
-    server = Flask("test")
-    CardsPage(session, "my <trials>").serve(server)
-    return server.test_client()
+    return served(CardsPage(session, "my <trials>"))
 
 
 def test_every_effect_of_the_catalogue_has_a_drawing_of_its_own_and_no_other_name_has():
@@ -96,13 +93,6 @@ def test_a_fingerprint_is_drawn_where_the_effect_would_show(client):
     nothing = client.get("/effects/added_mass/fingerprint.svg").text
     assert '<rect class="frame"' not in nothing
     assert client.get("/effects/levitation/fingerprint.svg").status_code == 404
-
-
-@pytest.mark.parametrize("address", ["/effects?effect=nonsense", "/effects?tune=1"])
-def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
-    answer = client.get(address)
-    assert answer.status_code == 400
-    assert len(answer.text.splitlines()) == 1
 
 
 @given(st.dictionaries(st.text(min_size=1), PREVIEWS), st.data())

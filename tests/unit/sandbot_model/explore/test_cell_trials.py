@@ -5,7 +5,7 @@ import shutil
 import pytest
 from made_up import walking_bag
 
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore import cell_trials
 from sandbot_model.explore.app import Explorer
 from sandbot_model.report import waveforms, write_comparison

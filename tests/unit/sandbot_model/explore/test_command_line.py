@@ -12,7 +12,7 @@ from inline import Inline
 from made_up import BOOST
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection, from_query, to_yaml
+from sandbot_model.discovery.selection import Selection, from_query, to_yaml
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.session import Session
 from sandbot_model.tools import compare as compare_tool

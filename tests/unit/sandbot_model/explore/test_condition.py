@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from made_up import made_up_trials
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Condition, from_query, to_query
+from sandbot_model.discovery.selection import Condition, from_query, to_query
 from sandbot_model.explore.condition import condition_of, index_of, not_found, option_of
 
 

@@ -9,9 +9,9 @@ from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import of_bed
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.global_minimum import solve

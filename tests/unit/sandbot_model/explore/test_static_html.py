@@ -6,7 +6,7 @@ from dash import html
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.static_html import static, to_html
 

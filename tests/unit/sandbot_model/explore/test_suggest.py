@@ -7,8 +7,8 @@ import pytest
 from made_up import BOOST, EFFECTS, suggestions_made
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore import app
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.job import Job

@@ -10,7 +10,7 @@ from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import VIEWS, Selection
+from sandbot_model.discovery.selection import VIEWS, Selection
 from sandbot_model.explore import cell_trials, views
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.session import Session
@@ -129,7 +129,7 @@ def test_a_figure_is_told_in_words_with_its_numbers(session):
         assert "nan" not in one.caption
 
 
-def test_values_held_by_hand_have_no_band(session):
+def test_values_held_by_hand_have_no_uncertainty(session):
     fitted = views.show(session, Selection(), LIGHT).figure
     held = views.show(session, Selection().held("delta_t_s", 0.3), LIGHT).figure
     assert any("fill" in trace for trace in fitted["data"])

@@ -7,7 +7,7 @@ import pytest
 from made_up import PACE, walking_bag
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.report import waveforms
 from sandbot_model.report.theme import LIGHT
 

@@ -3,12 +3,11 @@
 import json
 
 import pytest
-from flask import Flask
-from made_up import EFFECTS, suggestions_made
+from made_up import EFFECTS, served, suggestions_made
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.report.provenance import provenance
@@ -27,9 +26,7 @@ def job(session, found, monkeypatch):
 
 @pytest.fixture
 def client(job, trials):
-    server = Flask("test")
-    WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>").serve(server)
-    return server.test_client()
+    return served(WhyPage(job, provenance(trials, job.session.cells, []), "my <trials>"))
 
 
 def test_a_discovery_is_run_first_and_its_progress_told(client, job, monkeypatch):
@@ -86,10 +83,3 @@ def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(client, job)
     assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
     assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in page
     assert "by hand" not in client.get("/why").text
-
-
-@pytest.mark.parametrize("address", ["/why?effect=nonsense", "/why?tune=1", "/why/progress?tune=1"])
-def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
-    answer = client.get(address)
-    assert answer.status_code == 400
-    assert len(answer.text.splitlines()) == 1

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.bootstrap import bootstrap
 from sandbot_model.fitting.fit import fit

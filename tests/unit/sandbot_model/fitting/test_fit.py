@@ -9,7 +9,8 @@ from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.text import LACK_OF_FIT, UNDETERMINED, with_error
+from sandbot_model.fitting.text import UNDETERMINED, with_error
+from sandbot_model.fitting.thresholds import LACK_OF_FIT
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.gait import clock

@@ -47,7 +47,7 @@ BRAKE = "brake: balance: extra_force = c*omega; c [N s] in 0..0.1"
 @contextmanager
 def cluster(address):
     """The ``map`` that fits are given."""
-    with connected(address, by_value=users_modules()) as crew, crew.map() as fit_all:
+    with connected(address, by_value=users_modules()) as workers, workers.map() as fit_all:
         yield fit_all
 
 

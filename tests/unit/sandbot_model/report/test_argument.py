@@ -12,10 +12,10 @@ from made_up import EFFECTS, made_up_trials
 
 from sandbot_bringup.plan import read_plan, trials_of
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session

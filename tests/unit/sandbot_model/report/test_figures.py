@@ -83,8 +83,8 @@ def test_the_band_is_two_standard_errors_to_either_side_and_can_be_left_out():
     assert len(areas) == len(PHI)
     for area in areas:
         assert (min(area["y"]), max(area["y"])) == pytest.approx((8.0, 12.0))
-        assert len(area["x"]) == len(area["y"]) == 2 * len(step.band.omega_rad_s)
-    assert not [trace for trace in figures.speed(step, with_band=False)["data"] if "fill" in trace]
+        assert len(area["x"]) == len(area["y"]) == 2 * len(step.uncertainty.omega_rad_s)
+    assert not [trace for trace in figures.speed(step, with_uncertainty=False)["data"] if "fill" in trace]
 
 
 def test_a_band_is_neither_drawn_nor_named_where_errors_do_not_hold():
@@ -141,10 +141,10 @@ def test_beside_a_switch_the_band_ends_where_the_curve_does():
 
     step = Step(SimpleNamespace(**{**vars(step.fit), "uncertainty": uncertainty}), step.omega_rad_s,
                 np.broadcast_to(walker, step.speed_m_s.shape))  # fmt: skip
-    band = step.band
-    assert band.high_m_s.max() == pytest.approx(0.2 + 0.002)
-    assert band.low_m_s.min() == pytest.approx(0.02 - 0.002)
-    assert band.high_m_s[0, 0] - band.low_m_s[0, 0] == pytest.approx(0.004)
+    area = step.uncertainty
+    assert area.high_m_s.max() == pytest.approx(0.2 + 0.002)
+    assert area.low_m_s.min() == pytest.approx(0.02 - 0.002)
+    assert area.high_m_s[0, 0] - area.low_m_s[0, 0] == pytest.approx(0.004)
 
 
 def test_the_base_model_is_a_ghost_only_beside_another_model():

@@ -14,12 +14,12 @@ from made_up import EFFECTS, made_up_trials
 
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.reproduce import steps_of
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.discovery.verdict import Verdict, claim_threshold
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.observables import COLUMNS

@@ -17,11 +17,11 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import verdict
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.actions import can_adopt, with_verdict

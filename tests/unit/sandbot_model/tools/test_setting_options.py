@@ -14,7 +14,7 @@ from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_common.yaml_text import dump_yaml
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.tools import arguments, compare, discover, explore
 from sandbot_record.trials import read as reading

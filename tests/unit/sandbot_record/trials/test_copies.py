@@ -232,7 +232,7 @@ def test_tables_that_share_rounded_trials_in_part_are_told_of(tmp_path):
     assert not [note for note in both.unread if "as far as" in note]
 
 
-def test_by_either_door(tmp_path):
+def test_by_csv_and_by_data_frame(tmp_path):
     pandas = pytest.importorskip("pandas")
     rows = pasted(table(decimals=4))
     frame = pandas.DataFrame([{"phi": r.phi, "omega_rad_s": r.omega_rad_s, "speed_m_s": r.speed_m_s} for r in rows])

@@ -7,8 +7,8 @@ import bags
 import pytest
 
 from sandbot_common import topics
-from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_common.robot import Robot, to_mapping
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.tools import info as info_tool

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.foresight import foresight, gaps, in_words
 from sandbot_bringup.plan import (
     VERDICT,
     VERDICT_KEYS,
@@ -24,13 +23,14 @@ from sandbot_bringup.plan import (
     trials_of,
     with_next_trials,
 )
+from sandbot_bringup.power_analysis import detectable_effects, gaps, in_words
 from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
-from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import check_set
 from sandbot_common.parameters import specs
 from sandbot_common.terminal import counted, filled
+from sandbot_common.worker_options import add_worker_options, refuse_worker_options, workers_of
 from sandbot_common.yaml_text import load_yaml, parse_yaml
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def command(argv: Sequence[str]) -> int:
     for gap in in_words(lost := gaps(plan, trials, files)):
         print(f"note: {gap}; raise periods or min_duration_s")
     if options.dry_run:
-        print(describe(plan, trials), filled(foresight(plan, trials, files, lost)), sep="\n")
+        print(describe(plan, trials), filled(detectable_effects(plan, trials, files, lost)), sep="\n")
         return 0
     redo = functools.partial(_not_ok, folder) if options.redo else None
     if redo is not None:
@@ -137,7 +137,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag (default: of one trial, JPEG)"
     )
-    add_crew(parser, "run the trials of --batch")
+    add_worker_options(parser, "run the trials of --batch")
     parser.add_argument(
         "--redo",
         choices=("failed",),
@@ -205,7 +205,7 @@ def _check(options: argparse.Namespace) -> None:
     if options.budget is not None and options.budget < 1:
         raise InputError(f"--budget {options.budget}: 1 or more trials are needed; leave it out for the whole grid")
     if not options.batch:
-        no_crew(options, "live trials run one by one; it is for those of --batch")
+        refuse_worker_options(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
         raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
     low_s, high_s = SILENCE_BOUNDS_S
@@ -284,8 +284,8 @@ def _batch(
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decide
 
-    with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
-        crew.check(folder.path)
+    with workers_of(options) as workers, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
+        workers.check(folder.path)
         folder.remove_unfinished()
         folder.set_aside(redo() if redo else {})
         failed: dict[str, str] = {}
@@ -296,13 +296,13 @@ def _batch(
                 print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
             setup = batch.Setup(plan, world, folder, files)
             todo.sort(key=lambda trial: trial.run_order)
-            outcome = runner.run(todo, functools.partial(batch.run_trial, setup), crew)
+            outcome = runner.run(todo, functools.partial(batch.run_trial, setup), workers)
             folder.check_there()
             failed |= dict(outcome.failed)
             # A look at an incomplete set of trials would choose other trials than one at all of them.
             if not plan.until or outcome.cut_short or len(folder.missing(trials)) == len(trials):
                 return trials, failed
-            plan, entry = decide(plan, folder, crew=crew)
+            plan, entry = decide(plan, folder, workers=workers)
             print(filled(f"look {entry['look']}: {entry['text']}"))
             if not entry["next"]:
                 return trials, failed

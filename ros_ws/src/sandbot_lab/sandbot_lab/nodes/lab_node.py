@@ -38,7 +38,7 @@ from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
-from sandbot_lab.stage import NANO, LiveTrial, warm_up
+from sandbot_lab.live_trial import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
 from sandbot_lab.world import null_world, read_world
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.arrays import Floats, Ints
+from sandbot_common.delimited_text import number_in, read_csv
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
-from sandbot_common.separated import number_in, read_csv
 from sandbot_common.suggest import near
 
 USUAL_SD = 0.02

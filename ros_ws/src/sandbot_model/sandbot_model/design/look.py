@@ -20,8 +20,8 @@ from sandbot_model.design.start import Condition
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.power import Z
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import sound
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map

@@ -1,10 +1,10 @@
 """Which effects are missing: comparison, search over the catalogue, verdict, next trials.
 
-discover         from cells to what is reported: the main flow; found: its result
+discover         from cells to what is reported: the main flow; result: what it found
 judgement        from the search to a verdict; remarks: what is said beside it
 effect_search    no effect, singles, pairs and triples, each fitted to its global minimum; candidates: single effects
 compare          a ladder of named effects; ladder: the same as a table; reproduce: the ladder of a saved selection
-choice           what the user of the explorer selected
+selection        what the user of the explorer selected
 verdict          the rules; criteria: their thresholds
   partial        one effect repairs most; untested: whether pure error is known well enough
   sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are

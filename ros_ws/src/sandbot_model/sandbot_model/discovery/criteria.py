@@ -6,7 +6,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_common.typed import is_a
-from sandbot_model.fitting.text import GROSS, LACK_OF_FIT
+from sandbot_model.fitting.thresholds import GROSS, LACK_OF_FIT
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from sandbot_model.discovery.conventions import conventions, other_families, sam
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, repairs_something
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.judgement import or_effects, reported_fit, search_and_judge
 from sandbot_model.discovery.leg_radius import instead_of_a_reading
 from sandbot_model.discovery.limits import limits
@@ -33,6 +32,7 @@ from sandbot_model.discovery.partial import Partial
 from sandbot_model.discovery.plausibility import in_doubt
 from sandbot_model.discovery.remarks import controls_of, remarked, told_from_others, worthwhile
 from sandbot_model.discovery.residual import SuggestedFormula
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.sharing import Judged, allowed_for
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import equally_simple, largest_shift, unseen, without_nuisances
@@ -101,7 +101,7 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
     cells, effects, criteria, verdict = search.cells, search.effects, search.criteria, found.verdict
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
     claimed = search.fits[verdict.effects]
-    search.fits, search.effects = found.fits, {**effects, **found.named.model.catalogue}
+    search = search.judged(found.fits, found.named.model.catalogue)
     judged = search.fits[verdict.effects]
     named, reported = reported_fit(search, found.named)
     rivals, covered = _instead(search, verdict, named, rival)

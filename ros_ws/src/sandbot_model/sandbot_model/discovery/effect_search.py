@@ -13,6 +13,7 @@ A *part* of a set is the set with one effect less.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import wraps
 from itertools import combinations
@@ -81,6 +82,12 @@ class EffectSearch:
         self.names = [name for name in effects if name not in inherent]
         for name in self.names:
             check_finite(self.model((name,)), cells)
+
+    def judged(self, fits: dict[Names, Fit], effects: Mapping[str, Effect]) -> "EffectSearch":
+        """The same search with the ``fits`` that its verdict rests on, of ``effects`` in the conventions chosen."""
+        other = copy(self)
+        other.fits, other.effects = fits, {**self.effects, **effects}
+        return other
 
     def run(self, max_effects: int, enough: Callable[[int], bool] = lambda _size: False) -> None:
         """Try ever larger sets until a size suffices (see ``_size_suffices``), or ``enough`` says so."""

@@ -9,8 +9,8 @@ from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.nuisances_about import nuisances_for
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import leaves_nothing, p_in_words
 from sandbot_model.fitting.fit import Fit, fit, refitted
 from sandbot_model.physics.gait import ASSUMED, GAITS, clock_signal

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import Comparison, compare
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.physics.effect import Effect
 

@@ -127,39 +127,42 @@ def _fit_guesses(
 ) -> list[_FittedGuess]:
     """All guesses fitted locally, and the best of the leading levers globally, too; best first. Empty if all local fits
     stay far above the deviance ``hopeless``."""
-
-    def fitted(some: Sequence[Guess], *, nearby: bool) -> list[_FittedGuess]:
-        models = [
-            model_of(
-                fit.model.base,
-                (*fit.effects, guess.name),
-                {**effects, guess.name: formula_effect(guess.formula(LEAST_CHANGE), tried=True)},
-                fit.model.robot,
-            )
-            for guess in some
-        ]
-        found = []
-        if nearby:
-            points = fit_all(solve_near, [(model, fit.cells, (fit.warm_start,), fit.nuisances) for model in models])
-        else:
-            points = fit_all(
-                solve_with_nuisances, [(model, fit.cells, fit.warm_start, fit.nuisances) for model in models]
-            )
-        for guess, model, point in zip(some, models, points, strict=True):
-            end = fitted_at(model, fit.cells, point, fit.nuisances)
-            values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
-            found.append(_FittedGuess(replace(guess, coefficients=values), end))
-            progress(len(found), len(some))
-        determined = [attempt for attempt in found if all(np.isfinite(attempt.errors))]
-        return sorted(determined, key=lambda attempt: attempt.score)
-
-    near = fitted(promising, nearby=True)
+    near = _fitted(fit, promising, effects, fit_all, progress, nearby=True)
     if near and min(attempt.fit.deviance for attempt in near) > far_above(hopeless):
         return []
     best = {attempt.guess.lever: attempt.guess for attempt in reversed(near)}
     leading = [attempt.guess for attempt in near if best[attempt.guess.lever] is attempt.guess][:SEARCHED_GLOBALLY]
     leading += [attempt.guess for attempt in near if leading and attempt.guess.lever == leading[0].lever][1:]
-    return sorted([*near, *fitted(leading, nearby=False)], key=lambda attempt: attempt.score)
+    searched = _fitted(fit, leading, effects, fit_all, progress, nearby=False)
+    return sorted([*near, *searched], key=lambda attempt: attempt.score)
+
+
+def _fitted(
+    fit: Fit,
+    some: Sequence[Guess],
+    effects: Mapping[str, Effect],
+    fit_all: Map,
+    progress: Callable[[int, int], None],
+    *,
+    nearby: bool,
+) -> list[_FittedGuess]:
+    """The guesses on top of a fit whose coefficients the data determine, fitted locally or globally; best first."""
+    base, robot, cells, nuisances = fit.model.base, fit.model.robot, fit.cells, fit.nuisances
+    formulas = [formula_effect(guess.formula(LEAST_CHANGE), tried=True) for guess in some]
+    models = [
+        model_of(base, (*fit.effects, guess.name), {**effects, guess.name: formula}, robot)
+        for guess, formula in zip(some, formulas, strict=True)
+    ]
+    solver, start = (solve_near, (fit.warm_start,)) if nearby else (solve_with_nuisances, fit.warm_start)
+    found = []
+    points = fit_all(solver, [(model, cells, start, nuisances) for model in models])
+    for guess, model, point in zip(some, models, points, strict=True):
+        end = fitted_at(model, cells, point, nuisances)
+        values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
+        found.append(_FittedGuess(replace(guess, coefficients=values), end))
+        progress(len(found), len(some))
+    determined = [attempt for attempt in found if all(np.isfinite(attempt.errors))]
+    return sorted(determined, key=lambda attempt: attempt.score)
 
 
 def _score(fit: Fit, guess: Guess | None) -> float:

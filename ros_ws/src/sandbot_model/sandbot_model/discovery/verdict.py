@@ -394,11 +394,11 @@ def with_p_of(reported: Fit, verdict: Verdict, judged: Fit) -> Verdict:
     return replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(p_in_words(judged), 1)))
 
 
-def p_of_test(fit: Fit, criteria: Criteria = DEFAULT) -> str:
+def p_of_test(fit: Fit) -> str:
     """``lack of fit p = 0.43``; where only single observables fail, theirs: ``lack of fit of speed p = 1e-5, of all
     together 0.38``."""
     jointly, tests = f"{fit.lack_of_fit_p:.2g}", fit.goodness.lack_of_fit.items()
-    failed = [f"{name.replace('_', ' ')} p = {p:.2g}" for name, p in tests if p < criteria.lack_of_fit_of_one]
-    if not failed or not fit.lack_of_fit_p >= criteria.lack_of_fit:
+    failed = [f"{name.replace('_', ' ')} p = {p:.2g}" for name, p in tests if p < DEFAULT.lack_of_fit_of_one]
+    if not failed or not fit.lack_of_fit_p >= DEFAULT.lack_of_fit:
         return f"lack of fit p = {jointly}"
     return f"lack of fit of {', of '.join(failed)}, of all together {jointly}"

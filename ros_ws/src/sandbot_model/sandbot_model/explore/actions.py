@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection, cell_of_text, cell_text, with_formula
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection, cell_of_text, cell_text, with_formula
 from sandbot_model.explore.condition import condition_of, option_of
 from sandbot_model.physics.variants import Variant
 from sandbot_model.report.residual_map import map_cells

@@ -16,8 +16,8 @@ from dash.exceptions import PreventUpdate
 from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
+from sandbot_model.discovery.selection import Selection, from_query, to_query, to_yaml
 from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggestion, views
 from sandbot_model.explore.actions import (
     act,
@@ -32,8 +32,9 @@ from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
+from sandbot_model.explore.pages import serve
 from sandbot_model.explore.session import Session
-from sandbot_model.explore.theatre_page import TheatrePage
+from sandbot_model.explore.trial_page import TrialPage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.fitting.text import counted
@@ -80,11 +81,14 @@ class Explorer:
         app = bare(self.title, _on_error)
         own_host_only(app.server)
         app.layout = controls.page(self.title, line, provenance, cells, self.session.noise_floor_m_s)
-        app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
-        AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
-        CardsPage(self.session, self.title).serve(app.server)
-        TheatrePage(self.session, self.trials, self.bags).serve(app.server)
-        WhyPage(self.job, self.provenance, self.title).serve(app.server)
+        serve(
+            app.server,
+            {"/bag/<trial_id>/<name>": self.send_bag},
+            AtlasPage(self.session, self.trials, self.bags, self.title).routes,
+            CardsPage(self.session, self.title).routes,
+            TrialPage(self.session, self.trials, self.bags).routes,
+            WhyPage(self.job, self.provenance, self.title).routes,
+        )
         wire(app, self)
         return app
 
@@ -94,7 +98,6 @@ class Explorer:
         """Everything on the page for a selection, keyed as in ``SHOWN``; ``at``: current slider values."""
         theme = THEMES.get(theme_name or "", LIGHT)
         session = self.session
-        effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
         # Submitted before the prefetched fits.
         session.with_final_errors(selection)
@@ -103,20 +106,14 @@ class Explorer:
         if panes:
             shown = replace(shown, figure=self._narrow(selection, shown, theme))
             views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.same_axes and pane.figure)])
-        by_hand = selection.view == "parameters"
-        # Sliders are slow to render: only with their view.
-        sliders = _sliders(views.sliders(selection, shown.current, effects), at or {}) if by_hand else []
-        rows = (
-            views.parameter_rows(selection, session.step(replace(selection, by_hand=())), effects) if by_hand else None
-        )
+        query = to_query(selection)
         return {
             **self._previews(selection),
-            "atlas.href": f"/atlas{to_query(selection)}",
-            "cards.href": f"/effects{to_query(selection)}",
-            "why.href": f"/why{to_query(selection)}",
+            **self._by_hand(selection, shown, at or {}),
+            "atlas.href": f"/atlas{query}",
+            "cards.href": f"/effects{query}",
+            "why.href": f"/why{query}",
             "observable-row.hidden": selection.view != "residuals",
-            "parameters-box.hidden": not by_hand,
-            "by-hand.children": sliders,
             "figure.figure": shown.figure,
             "figure.style": blocks.height(shown.figure),
             "figure-how.children": shown.how_to_read,
@@ -127,12 +124,22 @@ class Explorer:
             "ladder.figure": shown.ladder,
             "ladder.style": blocks.height(shown.ladder),
             "ladder-says.children": shown.ladder_caption,
-            "parameters.children": None if rows is None else controls.parameter_table(rows),
             "beside.children": blocks.panes(panes),
             "trials.children": self._trials(selection, shown, theme),
             "status.children": shown.status,
             "message.children": "",
         }
+
+    def _by_hand(self, selection: Selection, shown: views.Shown, at: Mapping[str, float]) -> dict[str, Any]:
+        """The sliders, which are slow to render, and the table of parameters: only with their view."""
+        sliders: Any = []
+        table = None
+        if by_hand := selection.view == "parameters":
+            effects = self.session.catalogue(selection.formulas)
+            fitted = self.session.step(replace(selection, by_hand=()))
+            sliders = _sliders(views.sliders(selection, shown.current, effects), at)
+            table = controls.parameter_table(views.parameter_rows(selection, fitted, effects))
+        return {"parameters-box.hidden": not by_hand, "by-hand.children": sliders, "parameters.children": table}
 
     def _previews(self, selection: Selection) -> dict[str, Any]:
         """The list of effects with the error after switching each, and whether all of these fits are done."""

@@ -6,11 +6,11 @@ from functools import lru_cache
 from html import escape
 from pathlib import Path
 
-from flask import Flask, Response, abort
+from flask import Response, abort
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.requested import head, held_values_note, model_only, requested_selection, serve
+from sandbot_model.discovery.selection import Selection, to_query
+from sandbot_model.explore.pages import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
@@ -35,9 +35,10 @@ class AtlasPage:
         self._material = lru_cache(maxsize=4)(self._gathered)
         self._plate = lru_cache(maxsize=KEPT)(self._drawn)
 
-    def serve(self, server: Flask) -> None:
-        """Register both addresses with the explorer's server."""
-        serve(server, {"/atlas": self.page, "/atlas/<stem>.svg": self.plate})
+    @property
+    def routes(self) -> dict[str, Handler]:
+        """Its addresses, and what answers each."""
+        return {"/atlas": self.page, "/atlas/<stem>.svg": self.plate}
 
     def page(self) -> Response:
         """All plates; one that can't be drawn from these data is replaced by the reason."""

@@ -3,12 +3,12 @@
 from functools import lru_cache
 from html import escape
 
-from flask import Flask, Response, abort
+from flask import Response, abort
 
-from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
+from sandbot_model.discovery.selection import Selection, to_query
+from sandbot_model.explore.pages import Handler, head, held_values_note, model_only, requested_selection
 from sandbot_model.explore.previews import change_of, delta_bic, folded, ordered
-from sandbot_model.explore.requested import head, held_values_note, model_only, requested_selection, serve
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
@@ -47,10 +47,14 @@ class CardsPage:
         self._session, self._title = session, title
         self._fingerprint = lru_cache(maxsize=64)(self._computed)
 
-    def serve(self, server: Flask) -> None:
-        """Register these addresses with the explorer's server."""
-        fingerprint = "/effects/<name>/fingerprint.svg"
-        serve(server, {"/effects": self.page, "/drawing/<name>.svg": self.drawing, fingerprint: self.fingerprint})
+    @property
+    def routes(self) -> dict[str, Handler]:
+        """Its addresses, and what answers each."""
+        return {
+            "/effects": self.page,
+            "/drawing/<name>.svg": self.drawing,
+            "/effects/<name>/fingerprint.svg": self.fingerprint,
+        }
 
     def page(self) -> Response:
         """All cards; those of effects that do not help are folded."""

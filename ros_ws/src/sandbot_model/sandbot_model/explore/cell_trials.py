@@ -70,10 +70,10 @@ def link(trial_id: str, bags: Mapping[str, Path]) -> Any:
 
 
 def watch(trial_id: str, bags: Mapping[str, Path], query: str) -> list[Any]:
-    """A table entry with the link to the trial's ``/theatre`` page; blank if only other trials have bags."""
+    """A table entry with the link to the trial's ``/trial`` page; blank if only other trials have bags."""
     if trial_id not in bags:
         return [""] if bags else []
-    address = f"/theatre?trial={quote(trial_id)}{query.replace('?', '&')}"
+    address = f"/trial?trial={quote(trial_id)}{query.replace('?', '&')}"
     return [html.A("watch", href=address, **{"aria-label": f"watch {trial_id}"})]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, WIDEST_SCATTER
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Condition, cell_text
+from sandbot_model.discovery.selection import Condition, cell_text
 
 PHI_DIGITS, OMEGA_DIGITS = 4, 6
 """Decimals of φ and significant digits of ω in an address: finer than the tolerance of a condition."""

@@ -7,7 +7,7 @@ from typing import Any
 from dash import dcc, html
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection, cell_text
+from sandbot_model.discovery.selection import Selection, cell_text
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.blocks import plot, table
 from sandbot_model.explore.condition import condition_of
@@ -166,7 +166,7 @@ def _own_effect() -> html.Details:
             dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
             _button("add", "Add and fit"),
             html.P(id="formula-read", className="formula-read", role="status"),
-            html.Details([html.Summary("Symbols a formula may hold"), symbols()]),
+            html.Details([html.Summary("Symbols that a formula may contain"), symbols()]),
         ]
     )
 

@@ -5,8 +5,8 @@ import traceback
 from dataclasses import dataclass, field
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.session import Session
 
 BEGIN = ("the base model", 0, 1)

@@ -30,7 +30,7 @@ Make = Callable[[Path | None], Flask]
 class Live:
     """A WSGI application that delegates to the current server."""
 
-    def __init__(self, make: Make, first: Flask, folder: Path, campaigns: Sequence[Path] = ()) -> None:
+    def __init__(self, make: Make, first: Flask, folder: Path, campaigns: Sequence[Path]) -> None:
         """``folder`` stores dropped tables; ``campaigns`` are the folders to watch."""
         self._make, self._campaigns = make, tuple(campaigns)
         self._dropped: Path | None = None

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.choice import Selection, name_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.reproduce import held_by_hand
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection, name_of
 from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit, fitted_at

@@ -5,8 +5,8 @@ from typing import Any
 
 from dash import html
 
-from sandbot_model.discovery.choice import Selection
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.blocks import table
 from sandbot_model.report import text
 from sandbot_model.report.view import observable_label, readable

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.explore.actions import slider_value
 from sandbot_model.explore.condition import index_of
 from sandbot_model.explore.highlight import mark
@@ -134,7 +134,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
     def speed() -> Spec:
         if current.fit.undetermined:
             return figures.measured_speed(current, theme)
-        return figures.speed(current, base, theme, columns=columns, with_band=not selection.by_hand)
+        return figures.speed(current, base, theme, columns=columns, with_uncertainty=not selection.by_hand)
 
     draw: Mapping[str, Callable[[], Spec]] = {
         "speed": speed,

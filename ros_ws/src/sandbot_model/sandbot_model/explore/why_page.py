@@ -5,12 +5,12 @@ from dataclasses import replace
 from functools import lru_cache
 from html import escape
 
-from flask import Flask, Response
+from flask import Response
 
-from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.job import Job
-from sandbot_model.explore.requested import head, held_values_note, requested_selection, serve
+from sandbot_model.explore.pages import Handler, head, held_values_note, requested_selection
 from sandbot_model.report.argument import argument_page
 from sandbot_model.report.page import render
 from sandbot_model.report.view import Provenance
@@ -38,9 +38,10 @@ class WhyPage:
         self._job, self._provenance, self._title = job, provenance, title
         self._rendered = lru_cache(maxsize=4)(self._render)
 
-    def serve(self, server: Flask) -> None:
-        """Register both addresses with the explorer's server."""
-        serve(server, {"/why": self.page, "/why/progress": self.progress})
+    @property
+    def routes(self) -> dict[str, Handler]:
+        """Its addresses, and what answers each."""
+        return {"/why": self.page, "/why/progress": self.progress}
 
     def page(self) -> Response:
         """The argument, or the progress of the discovery that it needs."""

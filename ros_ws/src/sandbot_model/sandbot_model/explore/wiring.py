@@ -69,11 +69,31 @@ def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
 
 def wire(app: Dash, answers: Any) -> None:
     """Register all callbacks: the methods ``on_…`` of ``answers``, an ``Explorer``, each run in a server thread."""
+    _wire_page(app, answers)
+    _wire_controls(app, answers)
+    _wire_suggestion(app, answers)
+    _wire_clientside(app)
+
+
+def _wire_page(app: Dash, answers: Any) -> None:
     app.callback(
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
         state={"sliders": State({"by_hand": ALL}, "value"), "slider_ids": State({"by_hand": ALL}, "id")},
     )(answers.on_address)
+    app.callback(
+        output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
+        inputs={"_tick": Input("preview-clock", "n_intervals")},
+        # From the address, not from the page shown: with slow figures, effects of an earlier page would overwrite it.
+        state={"search": State("address", "search")},
+        prevent_initial_call=True,
+    )(answers.on_preview_clock)
+    app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
+        lambda typed: effect_list.formula_read(typed or "")
+    )
+
+
+def _wire_controls(app: Dash, answers: Any) -> None:
     # Controls set the address and the page shown sets the controls, all by set_props. With Outputs, Dash would see a
     # circular dependency, delay a control until the previous figures have arrived, and then reset it.
     app.callback(
@@ -97,19 +117,15 @@ def wire(app: Dash, answers: Any) -> None:
         prevent_initial_call=True,
     )(answers.on_control)
     app.callback(
-        output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
-        inputs={"_tick": Input("preview-clock", "n_intervals")},
-        # From the address, not from the page shown: with slow figures, effects of an earlier page would overwrite it.
-        state={"search": State("address", "search")},
-        prevent_initial_call=True,
-    )(answers.on_preview_clock)
-    app.callback(
         Output("download", "data"),
         Input("save", "n_clicks"),
         Input("save-csv", "n_clicks"),
         State("address", "search"),
         prevent_initial_call=True,
     )(answers.on_save)
+
+
+def _wire_suggestion(app: Dash, answers: Any) -> None:
     app.callback(
         output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden", "asked.data"),
         inputs={
@@ -121,10 +137,6 @@ def wire(app: Dash, answers: Any) -> None:
         state={"asked": State("asked", "data")},
         prevent_initial_call=True,
     )(answers.on_suggest)
-    app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
-        lambda typed: effect_list.formula_read(typed or "")
-    )
-    _wire_clientside(app)
 
 
 def _wire_clientside(app: Dash) -> None:

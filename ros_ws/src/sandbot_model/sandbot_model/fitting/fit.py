@@ -19,8 +19,6 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
 from sandbot_model.fitting.text import (
-    GROSS,
-    LACK_OF_FIT,
     UNDETERMINED,
     WIDTH,
     cm_s,
@@ -31,6 +29,7 @@ from sandbot_model.fitting.text import (
     with_error,
     with_unit,
 )
+from sandbot_model.fitting.thresholds import GROSS, LACK_OF_FIT
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES

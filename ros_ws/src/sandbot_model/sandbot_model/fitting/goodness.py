@@ -13,7 +13,7 @@ from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
 from sandbot_model.fitting.states import States
-from sandbot_model.fitting.text import LACK_OF_FIT
+from sandbot_model.fitting.thresholds import LACK_OF_FIT
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES

@@ -185,7 +185,7 @@ class Problem:
         chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True, one_leg=True)
         return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
 
-    def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> CellByCell:
+    def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None) -> CellByCell:
         """Prediction and likelihood of cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
         slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
         cells = self.cell_means.evaluate_by_row(theta, ln_k, slope, self.moved(found))

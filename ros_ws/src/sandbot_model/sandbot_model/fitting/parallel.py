@@ -1,10 +1,10 @@
-"""Fits in parallel, by a crew of worker processes (``sandbot_common.crew``)."""
+"""Fits in parallel, by ``sandbot_common.parallel.Workers``."""
 
 import sys
 from collections.abc import Callable
 from types import ModuleType
 
-from sandbot_common.crew import Map as Map
+from sandbot_common.parallel import Map as Map
 from sandbot_model.physics.catalogue import USER_MODULE
 
 Progress = Callable[[str, int, int], None]

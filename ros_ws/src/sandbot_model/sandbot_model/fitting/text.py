@@ -12,10 +12,6 @@ from sandbot_model.physics.observables import CM
 UNKNOWN = "not known"
 UNDETERMINED = "not determined"
 """Shown for a parameter whose error the data do not determine."""
-LACK_OF_FIT = 5e-3
-"""p-value of the joint test below which a model is rejected."""
-GROSS = 3.0
-"""Misfit of every cell mean, in standard errors, that the joint test must be able to detect."""
 NO_ERROR = (
     "no standard error where the model shows lack of fit, can't be tested, or has an effect at the end of its range"
 )

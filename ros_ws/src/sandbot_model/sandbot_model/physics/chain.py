@@ -49,10 +49,12 @@ class Chain:
 
     # step (geometry; before strength, which depends on it)
     chord: Array = field(init=False, metadata={"unit": "m", "doc": "2√(R² - (d+h-R)²)"})
-    step: Array = field(init=False, metadata={"unit": "m", "doc": "advance a step"})
+    step: Array = field(init=False, metadata={"unit": "m", "doc": "advance per step"})
     thrust_time: Array = field(init=False, metadata={"unit": "s", "doc": "swimming time in the first step"})
     # strength
-    penetration: Array = field(init=False, metadata={"unit": "m", "doc": "z, depth below the surface the leg meets"})
+    penetration: Array = field(
+        init=False, metadata={"unit": "m", "doc": "z, depth below the surface that the leg meets"}
+    )
     sigma_phi: Array = field(init=False, metadata={"unit": "1", "doc": "spread of φ along the track"})
     # balance
     force: Array = field(

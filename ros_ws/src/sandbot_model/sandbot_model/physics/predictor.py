@@ -40,7 +40,7 @@ class Predictor:
         """v̄ [m/s]."""
         return self._stance(phi, omega, gait)[0]
 
-    def mean_speeds(self, phi: float, omega: Array, gait: str = "") -> Array:
+    def mean_speeds(self, phi: float, omega: Array, gait: str) -> Array:
         """v̄ [m/s] at one φ over leg frequencies [rad/s] of shape ``(n,)``."""
         return np.asarray(self._predicted(np.full(len(omega), phi), omega, gait).speed_m_s, dtype=float)
 

@@ -20,7 +20,7 @@ theme      colours and layout
 
 from typing import TYPE_CHECKING
 
-from sandbot_common.lazy import door
+from sandbot_common.lazy import attach
 
 if TYPE_CHECKING:
     from sandbot_model.report.writer import write_comparison, write_report
@@ -28,5 +28,5 @@ if TYPE_CHECKING:
 __all__ = ("write_comparison", "write_report")
 
 # Imported lazily: printing a verdict must not load the plotting and bag-reading libraries.
-_HOME = {"write_report": ".writer", "write_comparison": ".writer"}
-__getattr__, __dir__ = door(__name__, _HOME)
+_MODULES = {"write_report": ".writer", "write_comparison": ".writer"}
+__getattr__, __dir__ = attach(__name__, _MODULES)

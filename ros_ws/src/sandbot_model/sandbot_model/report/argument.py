@@ -6,8 +6,8 @@ measure next, and how well the parameters are known. The verdict is that of ``di
 
 import yaml
 
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.physics.gait import ASSUMED
 from sandbot_model.report import captions, model_difference, profiles, rivals, stages, table_sections, text
 from sandbot_model.report.content import headline

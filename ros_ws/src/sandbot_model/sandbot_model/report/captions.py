@@ -10,13 +10,13 @@ from sandbot_model.report import text
 from sandbot_model.report.balance import forces
 from sandbot_model.report.mechanics import collapse
 from sandbot_model.report.residual_map import UNTESTED, failing_cells
-from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
+from sandbot_model.report.view import SHOWN_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
 PERFECT = "the error expected of a perfect model; a model falls below it by chance or by fitting the noise"
 """What the noise floor means."""
 
 HOW_TO_READ = {
-    "speed": f"{{points}} Solid: the chosen model, shaded, where errors are known, ± {BAND_SDS:g} standard errors "
+    "speed": f"{{points}} Solid: the chosen model, shaded, where errors are known, ± {SHOWN_SDS:g} standard errors "
     "from its fitted parameters. "
     "Dashed grey, where drawn: the base model. Where walking would be slower than swimming, swimming is drawn; a line "
     "is broken where it jumps.",

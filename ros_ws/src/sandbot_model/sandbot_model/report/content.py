@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import table_sections as tables
 from sandbot_model.report import text

@@ -37,8 +37,8 @@ def swim_m_s(fit: Fit) -> float:
 
 
 def drawn(found: Prediction, slowest_m_s: float) -> tuple[Floats, Bools]:
-    """Mean speed along a curve as it is drawn [m/s], and whether it is that of walking: where walking would be slower
-    than swimming, swimming is drawn."""
+    """Mean speed along curves as drawn [m/s], of the prediction's shape, and whether it is that of walking: where
+    walking would be slower than swimming, swimming is drawn."""
     speed = np.where(found.walking, np.maximum(found.speed_m_s, slowest_m_s), found.speed_m_s)
     return speed, np.asarray(found.walking) & (found.speed_m_s > slowest_m_s)
 

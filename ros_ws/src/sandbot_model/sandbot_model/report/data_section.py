@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import text
 from sandbot_model.report.page import Download, Section, Table, data_uri

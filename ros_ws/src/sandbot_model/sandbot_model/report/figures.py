@@ -15,7 +15,17 @@ from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
-from sandbot_model.report.view import BAND_SDS, Band, Step, bands, is_ladder, measured, measured_name, readable, scatter
+from sandbot_model.report.view import (
+    SHOWN_SDS,
+    Band,
+    Step,
+    bands,
+    is_ladder,
+    measured,
+    measured_name,
+    readable,
+    scatter,
+)
 
 NARROW = 2
 LEGEND_PX, TITLE_PX = 48, 18
@@ -26,14 +36,14 @@ DIGITS = 6
 
 
 def speed(
-    step: Step, base: Step | None = None, theme: Theme = LIGHT, *, columns: int = 4, with_band: bool = True
+    step: Step, base: Step | None = None, theme: Theme = LIGHT, *, columns: int = 4, with_uncertainty: bool = True
 ) -> Spec:
     """Mean speed against ω, one panel per φ (Li09 Fig. 2a): replicate means ± s.d., the model with its uncertainty
     where its errors hold, and the base model, faint, for comparison.
     """
     cells = step.fit.cells
     rows = bands(cells)
-    with_band &= step.fit.errors_hold
+    with_uncertainty &= step.fit.errors_hold
     colours = theme.phi_colours(len(cells.level_phi))
     spec = speed_panels([step], theme, columns)
     for i, band in enumerate(rows):
@@ -41,10 +51,10 @@ def speed(
         traces = [line(step, i, {"color": colour, "width": 2.5}), points(cells, band, colour, theme)]
         if base is not None and base is not step:
             traces.insert(0, line(base, i, {"color": theme.faint, "width": 1.5, "dash": "dash"}))
-        if with_band:
-            traces.insert(0, _band(step, i, colour))
+        if with_uncertainty:
+            traces.insert(0, _uncertainty(step, i, colour))
         spec["data"] += in_panel(i, traces)
-    spec["data"] += _speed_legend(step, base, theme, with_band)
+    spec["data"] += _speed_legend(step, base, theme, with_uncertainty)
     return spec
 
 
@@ -113,15 +123,15 @@ def legend_entry(name: str, **looks: Any) -> Spec:
     return {"type": "scatter", "name": name, "x": [None], "y": [None], "hoverinfo": "skip", "showlegend": True, **looks}
 
 
-def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
+def _speed_legend(step: Step, base: Step | None, theme: Theme, with_uncertainty: bool) -> list[Spec]:
     """Entries in ink, since colours encode φ."""
     entries = [
         _measured_entry(step.fit.cells, theme),
         legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
     ]
-    if with_band:
+    if with_uncertainty:
         square = {"color": _faded(theme.ink), "size": 14, "symbol": "square"}
-        entries.append(legend_entry(f"± {BAND_SDS:g} standard errors of the model", mode="markers", marker=square))
+        entries.append(legend_entry(f"± {SHOWN_SDS:g} standard errors of the model", mode="markers", marker=square))
     if base is not None and base is not step:
         ghost = {"color": theme.faint, "width": 1.5, "dash": "dash"}
         entries.append(legend_entry(model_name(base), mode="lines", line=ghost))
@@ -206,16 +216,16 @@ def line(step: Step, band: int, look: Spec) -> Spec:
     }  # fmt: skip
 
 
-def _band(step: Step, band: int, colour: str) -> Spec:
+def _uncertainty(step: Step, band: int, colour: str) -> Spec:
     """The area between the lower and the upper curve, as one closed polygon; it has no gap where the curve has one."""
-    area = step.band
+    area = step.uncertainty
     omega = np.concatenate([area.omega_rad_s, area.omega_rad_s[::-1]])
     edge = np.concatenate([area.low_m_s[band], area.high_m_s[band][::-1]])
     drawn = np.isfinite(edge)
     return {
         "type": "scatter", "mode": "lines", "line": {"width": 0}, "fill": "toself", "fillcolor": _faded(colour),
         "hoverinfo": "skip", "showlegend": False,
-        "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)} ± {BAND_SDS:g} s.e.",
+        "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)} ± {SHOWN_SDS:g} s.e.",
         "x": as_json(omega[drawn]), "y": as_json(CM * edge[drawn]),
     }  # fmt: skip
 

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import level_name
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.plausibility import doubts, in_doubt
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import INCOMPLETE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted

@@ -1,6 +1,7 @@
 """Figures of how walking ends: critical frequency and peak speed (Li09 Fig. 2b, c), and step length (Fig. 3d)."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,40 +48,21 @@ def collapse(cells: Cells) -> Collapse:
 
 def critical(step: Step, theme: Theme = LIGHT) -> Spec:
     """Critical frequency ω_c and peak of mean speed against φ, measured and modelled (Li09 Fig. 2b, c)."""
-    cells = step.fit.cells
-    phis = np.array([band.phi for band in bands(cells)])
-    seen = collapse(cells)
-    phi, omega_c, peak = modelled_collapse(step.fit)
-    at_measured = largest_at_measured(step.fit)
-    middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
-    half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
-    line = {"color": theme.accent, "width": 2.5}
-    never_ends = np.isfinite(seen.last_walking_rad_s) & ~np.isfinite(seen.first_swimming_rad_s)
-    common: Spec = {"type": "scatter", "mode": "markers", "marker": {"color": theme.ink, "size": 8}}
-    data: list[Spec] = [
-        common | {
-            "name": "measured: between the last ω that walks and the first that swims",
-            "x": as_json(phis), "y": as_json(middle),
-            "error_y": bars(half, theme.ink),
-        },
-        common | {
-            "name": "walks at every ω measured", "marker": {"color": theme.ink, "size": 10, "symbol": "triangle-up"},
-            "x": as_json(phis[never_ends]), "y": as_json(seen.last_walking_rad_s[never_ends]),
-            "showlegend": bool(never_ends.any()),
-        },
-        {"type": "scatter", "mode": "lines", "name": model_name(step), "x": as_json(phi), "y": as_json(omega_c),
-         "line": line},
-        common | {"x": as_json(phis), "y": as_json(CM * seen.peak_speed_m_s), "showlegend": False,
-                  "name": "largest mean speed, measured",
-                  "xaxis": "x2", "yaxis": "y2"},
-        {"type": "scatter", "mode": "lines", "showlegend": False, "x": as_json(phi), "y": as_json(CM * peak),
-         "name": f"largest mean speed, {model_name(step)}", "line": line, "xaxis": "x2", "yaxis": "y2"},
-        common | {"name": "model at the ω measured", "x": as_json(phis), "y": as_json(CM * at_measured),
-                  "marker": {"color": theme.accent, "size": 11, "symbol": "circle-open", "line": {"width": 2}},
-                  "hoverinfo": "skip", "xaxis": "x2", "yaxis": "y2"},
-    ]  # fmt: skip
+    phi = np.array([band.phi for band in bands(step.fit.cells)])
+    seen, (modelled_phi, omega_c, peak_m_s) = collapse(step.fit.cells), modelled_collapse(step.fit)
+    line = {"type": "scatter", "mode": "lines", "line": {"color": theme.accent, "width": 2.5}}
+    second = {"xaxis": "x2", "yaxis": "y2"}
     return {
-        "data": data,
+        "data": [
+            *_measured_ends(phi, seen, theme),
+            {**line, "name": model_name(step), "x": as_json(modelled_phi), "y": as_json(omega_c)},
+            _markers("largest mean speed, measured", phi, CM * seen.peak_speed_m_s, theme, showlegend=False, **second),
+            {**line, "name": f"largest mean speed, {model_name(step)}", "x": as_json(modelled_phi),
+             "y": as_json(CM * peak_m_s), "showlegend": False, **second},
+            _markers("model at the ω measured", phi, CM * largest_at_measured(step.fit), theme, hoverinfo="skip",
+                     marker={"color": theme.accent, "size": 11, "symbol": "circle-open", "line": {"width": 2}},
+                     **second),
+        ],
         "layout": layout(
             theme,
             420,
@@ -89,7 +71,24 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
             xaxis2=axis(theme, "φ", domain=[0.56, 1], anchor="y2"),
             yaxis2=axis(theme, "largest mean speed (cm/s)", rangemode="tozero", anchor="x2"),
         ),
-    }
+    }  # fmt: skip
+
+
+def _measured_ends(phi: Floats, seen: Collapse, theme: Theme) -> list[Spec]:
+    """The measured intervals of ω in which walking ends, and an arrow up where it does not."""
+    last, first = seen.last_walking_rad_s, seen.first_swimming_rad_s
+    never = np.isfinite(last) & ~np.isfinite(first)
+    between = "measured: between the last ω that walks and the first that swims"
+    up = {"color": theme.ink, "size": 10, "symbol": "triangle-up"}
+    return [
+        _markers(between, phi, 0.5 * (last + first), theme, error_y=bars(0.5 * (first - last), theme.ink)),
+        _markers("walks at every ω measured", phi[never], last[never], theme, marker=up, showlegend=bool(never.any())),
+    ]
+
+
+def _markers(name: str, x: Floats, y: Floats, theme: Theme, **looks: Any) -> Spec:
+    points: Spec = {"type": "scatter", "mode": "markers", "name": name, "x": as_json(x), "y": as_json(y)}
+    return {**points, "marker": {"color": theme.ink, "size": 8}, **looks}
 
 
 def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
@@ -130,7 +129,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
 
 
 def largest_at_measured(fit: Fit) -> Floats:
-    """The model's largest mean speed over the ω measured [m/s], for each band."""
+    """The model's largest mean speed over the ω measured [m/s], ``(n_bands,)``."""
     return np.array([fit.predicted[band.cells, Observable.speed].max() for band in bands(fit.cells)])
 
 

@@ -30,7 +30,8 @@ SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v<sub>swim</sub>"}
 
 @lru_cache(maxsize=128)
 def curve(fit: Fit, index: int) -> tuple[Array, Array]:
-    """Values of one shared parameter, and the rise of the deviance with it held there and all others refitted."""
+    """Values ``(n,)`` of one shared parameter, and the rise of the deviance ``(n,)`` with it held there and all others
+    refitted."""
     parameter, here, error = fit.model.parameters[index], float(fit.point.theta[index]), float(fit.stderr[index])
     unit = error if np.isfinite(error) and error > 0 else FALLBACK_STEP * parameter.width
     values = np.unique(np.clip(here + unit * SIGMAS, *parameter.search))

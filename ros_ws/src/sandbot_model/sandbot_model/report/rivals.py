@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import sound
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed

@@ -6,7 +6,7 @@ from itertools import chain, pairwise
 import numpy as np
 from markupsafe import Markup, escape
 
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.fitting.text import NO_ERROR

@@ -34,15 +34,15 @@ class Band:
     label: str
 
 
-BAND_SDS = 2.0
-"""Half width of the band about a model's curve, in standard deviations of the prediction."""
-BAND_EVERY = 3
-"""The band is computed at every third point of the curve."""
+SHOWN_SDS = 2.0
+"""Half width of the range drawn about a model's curve, in standard deviations of the prediction."""
+SHOWN_EVERY = 3
+"""That range is computed at every third point of the curve."""
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedBand:
-    """Range of the model's mean speed, ± ``BAND_SDS`` standard deviations."""
+class SpeedUncertainty:
+    """Range of the model's mean speed, ± ``SHOWN_SDS`` standard deviations."""
 
     omega_rad_s: Floats  # (m,)
     low_m_s: Floats  # (n_bands, m)
@@ -70,22 +70,22 @@ class Step:
         return f"{self.fit.model.base} model {self.label}" if self.fit.effects else self.label
 
     @cached_property
-    def band(self) -> SpeedBand:
+    def uncertainty(self) -> SpeedUncertainty:
         """Uncertainty of the speed curves from that of the fitted parameters, computed on first use.
 
         Near the end of walking the speed is that of either walking or swimming, and a mean ± s.d. would mislead: the
-        band is limited to the range of the curve, widened by its usual half width.
+        range is limited to that of the curve, widened by its usual half width.
         """
-        cells, omega = self.fit.cells, self.omega_rad_s[::BAND_EVERY]
+        cells, omega = self.fit.cells, self.omega_rad_s[::SHOWN_EVERY]
         rows = bands(cells)
         phi = np.array([[band.phi] for band in rows])
         clock = cells.clock[[band.cells[0] for band in rows]][:, None]
-        half = BAND_SDS * self.fit.uncertainty(phi, omega, clock)[..., Observable.speed]
-        middle = self.speed_m_s[:, ::BAND_EVERY]
+        half = SHOWN_SDS * self.fit.uncertainty(phi, omega, clock)[..., Observable.speed]
+        middle = self.speed_m_s[:, ::SHOWN_EVERY]
         usual = np.median(half, axis=1, keepdims=True)
         lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.nanmin, np.nanmax))
         low = np.maximum(middle - half, np.maximum(lowest - usual, 0.0))
-        return SpeedBand(omega, low, np.minimum(middle + half, highest + usual))
+        return SpeedUncertainty(omega, low, np.minimum(middle + half, highest + usual))
 
 
 @dataclass(frozen=True)

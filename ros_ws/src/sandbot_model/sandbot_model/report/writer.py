@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import atlas_section, page, supplement
 from sandbot_model.report.content import comparison_page, discovery_page

@@ -7,7 +7,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.sharing import calibrated, in_words
 from sandbot_model.discovery.verdict import leaves_nothing, only_with, p_in_words, p_of_test
 from sandbot_model.fitting.fit import Fit, scored

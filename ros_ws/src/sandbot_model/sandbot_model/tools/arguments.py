@@ -15,8 +15,8 @@ from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
+from sandbot_model.discovery.selection import Selection
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
@@ -63,7 +63,9 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
-    parser.add_argument("--verbose", "-v", action="store_true", help="print every effect tried and every miss")
+    parser.add_argument(
+        "--verbose", "-v", action="store_true", help="list every effect tried and every cell mean missed"
+    )
 
 
 def title(args: argparse.Namespace) -> str:
@@ -238,7 +240,7 @@ def add_penetrometer(parser: Parser) -> None:
         "--penetrometer",
         type=Path,
         metavar="FILE.csv",
-        help="readings of the ground by itself: columns phi, depth_m, force_n or phi, k_n_per_m (and their sd)",
+        help="penetrometer readings: columns phi, depth_m, force_n, or phi, k_n_per_m (and their sd)",
     )
 
 
@@ -260,16 +262,16 @@ def readings(args: argparse.Namespace) -> "Readings | None":
 
 def add_fitters(parser: Parser) -> None:
     """Options for the processes that fit."""
-    from sandbot_common.crew import add_crew
+    from sandbot_common.worker_options import add_worker_options
 
-    add_crew(parser, "fit", usual=FITTERS)
+    add_worker_options(parser, "fit", usual=FITTERS)
 
 
 @contextmanager
 def fitters(args: argparse.Namespace) -> Iterator["Map"]:
     """The ``map`` of the processes that ``--workers`` or ``--dask`` names. Raises InputError."""
-    from sandbot_common.crew import crew_of
+    from sandbot_common.worker_options import workers_of
     from sandbot_model.fitting.parallel import users_modules
 
-    with crew_of(args, usual=FITTERS, by_value=users_modules()) as crew, crew.map() as fit_all:
+    with workers_of(args, usual=FITTERS, by_value=users_modules()) as workers, workers.map() as fit_all:
         yield fit_all

@@ -30,11 +30,11 @@ def _atlas(argv: Sequence[str]) -> None:
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where to draw (default: DATA/atlas, or ./atlas)")
     arguments.add_model(parser)
-    parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model whose lines are drawn")
+    parser.add_argument("--effects", default="", metavar="a,b", help="effects in the model that is drawn")
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
     parser.add_argument(
-        "--beside", type=Path, metavar="FILE.csv", help="published points to draw as well, as a trials CSV"
+        "--beside", type=Path, metavar="FILE.csv", help="trials CSV of published points to draw as well"
     )
     parser.add_argument(
         "--width", type=float, choices=WIDTHS_MM, help="width of all figures [mm] (default: each figure's own)"
@@ -52,12 +52,12 @@ def _atlas(argv: Sequence[str]) -> None:
 def _draw(args: argparse.Namespace, folder: Path) -> None:
     from tqdm import tqdm
 
-    from sandbot_common.crew import one_a_cpu
+    from sandbot_common.parallel import one_per_cpu
     from sandbot_model.report.atlas.plates import PLATES, write
 
     material = _material(args)
     folder.mkdir(parents=True, exist_ok=True)
-    with one_a_cpu().map() as draw_all:
+    with one_per_cpu().map() as draw_all:
         drawing = write(folder, material, args.width, args.formats, draw_all)
         shown = tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None)
         captions = {plate.number: caption for plate, caption in shown}

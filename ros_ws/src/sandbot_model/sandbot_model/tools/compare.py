@@ -3,24 +3,28 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common import cli
-from sandbot_common.crew import no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
-from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
+from sandbot_common.worker_options import refuse_worker_options
+from sandbot_model.discovery.selection import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
+    from sandbot_model.data.penetrometer import Readings
     from sandbot_model.discovery.compare import Comparison
+    from sandbot_model.fitting.fit import Fit
     from sandbot_model.fitting.parallel import Map
+    from sandbot_model.physics.effect import Effect
     from sandbot_model.physics.model import Model
+    from sandbot_record.trials.table import Trials
 
 FEW = 5
 """Cell means missed that are listed."""
@@ -56,19 +60,16 @@ def _compare(argv: Sequence[str]) -> None:
     if args.bootstrap is not None and args.bootstrap < 2:
         raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed")
     if args.bootstrap is None:
-        no_crew(args, "only the draws of --bootstrap N are shared out; give that too")
+        refuse_worker_options(args, "only the draws of --bootstrap N are shared out; give that too")
     fitters = arguments.fitters(args)
     _run(args, _selection(args), fitters)
 
 
 def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractContextManager[Map]") -> None:
     # Imported only once the options are parsed, so that --help and mistakes in them are answered at once.
-    from tqdm import tqdm
-
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.discovery.assumed import assumed
     from sandbot_model.discovery.reproduce import steps_of
-    from sandbot_model.fitting.bootstrap import bootstrap
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.physics.model import model_of
     from sandbot_model.tools import answer, tables
@@ -84,9 +85,8 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
-    own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys()) if args.effects_from else []
-    if own and not set(own) & set(selection.effects):
-        print(filled(f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"), end="\n\n")
+    if unused := _unused(args, selection, effects):
+        print(filled(unused), end="\n\n")
     if held:
         unchanged = "nothing is refitted: all else, and its error, as before"
         print(filled(f"last step held by hand: {held}; {unchanged}"), end="\n\n")
@@ -95,10 +95,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     content["data"]["notes"] = [*assumed(trials, cells), *notes]
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
-        bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
-        with fitters as fit_all:
-            near = steps[-1].warm_start
-            drawn = bootstrap(trials, model, args.bootstrap, readings=readings, near=near, fit_all=fit_all, each=bar)
+        drawn = _bootstrap(args.bootstrap, trials, model, readings, steps[-1], fitters)
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:
@@ -109,6 +106,34 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         origin = arguments.origin(args)
         with writing(args.html):
             write_comparison(args.html, steps, trials, **origin)
+
+
+def _unused(args: argparse.Namespace, selection: Selection, effects: "Mapping[str, Effect]") -> str:
+    """That no effect of ``--effects-from`` is selected; empty if any is, or there are none."""
+    from sandbot_model.physics.catalogue import catalogue
+
+    own = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys()) if args.effects_from else []
+    if not own or set(own) & set(selection.effects):
+        return ""
+    return f"not fitted: {', '.join(own)} of --effects-from; --effects {own[0]} adds it"
+
+
+def _bootstrap(
+    draws: int,
+    trials: "Trials",
+    model: "Model",
+    readings: "Readings | None",
+    fit: "Fit",
+    fitters: "AbstractContextManager[Map]",
+) -> dict[str, float]:
+    """Standard errors from refits to draws of the trials, each started at the fit, with a progress bar."""
+    from tqdm import tqdm
+
+    from sandbot_model.fitting.bootstrap import bootstrap
+
+    bar = partial(tqdm, total=draws, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
+    with fitters as fit_all:
+        return bootstrap(trials, model, draws, readings=readings, near=fit.warm_start, fit_all=fit_all, each=bar)
 
 
 def _tables(steps: "Comparison", missed: int) -> str:

@@ -15,7 +15,7 @@ from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
     from sandbot_model.discovery.error_rates import ErrorRates
-    from sandbot_model.discovery.found import Discovery
+    from sandbot_model.discovery.result import Discovery
     from sandbot_model.fitting.parallel import Map, Progress
     from sandbot_model.physics.effect import Effect
     from sandbot_record.trials.table import Trials

@@ -24,7 +24,7 @@ def _effects(argv: Sequence[str]) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="effects to print a card of (default: list all)")
     arguments.add_catalogue(parser)
     parser.add_argument("--json", type=cli.output, metavar="OUT", help="write the catalogue as JSON")
-    parser.add_argument("--quantities", action="store_true", help="print the symbols that a formula may hold")
+    parser.add_argument("--quantities", action="store_true", help="print the symbols that a formula may contain")
     args = parser.parse_args(argv)
     if args.quantities:
         if args.names or args.effect or args.effects_from or args.json is not None:

@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
-from sandbot_common.crew import count, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.files import base_name
-from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
+from sandbot_common.parallel import one_per_cpu
+from sandbot_common.worker_options import count
+from sandbot_model.discovery.selection import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -68,9 +69,9 @@ def _parser() -> cli.Parser:
     parser.add_argument(
         "--workers",
         type=count,
-        default=min(4, one_a_cpu().size),
+        default=min(4, one_per_cpu().size),
         metavar="N",
-        help="processes that fit ahead (default: one per CPU, 4 at most)",
+        help="processes that fit in advance (default: one per CPU, 4 at most)",
     )
     parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
     return parser
@@ -85,13 +86,13 @@ def _explore(argv: Sequence[str]) -> None:
     title = arguments.title(args)
     arguments.check_setting(args)
     _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
-    from sandbot_common.renewed import Renewed
+    from sandbot_common.restarting_pool import RestartingPool
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
     campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
     spawned = partial(pool, args.workers, "spawn", also=partial(_begin_anew, args.effects_from))
-    workers = Renewed(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
+    workers = RestartingPool(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
     # SIGTERM (from a launcher, a test) is handled like Ctrl-C.
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     servers = _Servers(args, title, query, workers)

@@ -1,4 +1,4 @@
-"""export: one trial for other viewers, the model beside it: as a Rerun recording (.rrd) or a clip (.mp4)."""
+"""export: write one trial, with the model beside it, as a Rerun recording (.rrd) or a clip (.mp4)."""
 
 import argparse
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _export(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="export", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, or bags")
-    parser.add_argument("--trial", required=True, metavar="NAME", help="which trial, as the trials table names it")
+    parser.add_argument("--trial", required=True, metavar="NAME", help="name of the trial in the trials table")
     parser.add_argument(
-        "--out", type=cli.output, required=True, metavar="FILE", help=f"what to write: a name that ends in {_either()}"
+        "--out", type=cli.output, required=True, metavar="FILE", help=f"file to write; its name ends in {_either()}"
     )
     arguments.add_model(parser)
-    parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model that is shown")
+    parser.add_argument("--effects", default="", metavar="a,b", help="effects in the model that is shown")
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
     args = parser.parse_args(argv)

@@ -9,8 +9,8 @@ from sandbot_common.terminal import filled
 from sandbot_model.data.conditions import level_name
 from sandbot_model.data.regime import walks
 from sandbot_model.discovery.batch_sd import batch_sd_of
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, table, to_error
 from sandbot_model.physics.arrays import Array

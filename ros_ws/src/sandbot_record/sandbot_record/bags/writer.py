@@ -155,7 +155,7 @@ class BagWriter:
             qos,
         )
 
-    def add_interface(self, name: str, interface: Interface, qos: Sequence[Qos] = ()) -> None:
+    def add_interface(self, name: str, interface: Interface, qos: Sequence[Qos]) -> None:
         """Register a new topic with the message type as another bag has it."""
         channel = _Channel(metadata.TopicInfo(name, interface, tuple(qos)))
         self._register(channel)

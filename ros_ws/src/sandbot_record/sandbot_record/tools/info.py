@@ -1,4 +1,4 @@
-"""info: what a bag holds, whether it is complete (exit code 1: unfinished or damaged), and where it comes from."""
+"""info: what a bag contains, whether it is complete (exit code 1: unfinished or damaged), and where it comes from."""
 
 from collections.abc import Sequence
 from contextlib import suppress

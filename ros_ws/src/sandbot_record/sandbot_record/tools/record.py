@@ -82,11 +82,15 @@ def _parser() -> cli.Parser:
     parser = cli.Parser(prog="record", description=__doc__)
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="topics to record")
     parser.add_argument("--out", "-o", required=True, type=Path, metavar="BAG", help="the bag folder; must not exist")
-    parser.add_argument("-a", "--all", action="store_true", help="every topic, also those that appear later")
-    parser.add_argument("--regex", "-e", default="", help="topics whose name matches, also those that appear later")
-    parser.add_argument("--exclude", "-x", default="", help="but not those that match this")
+    parser.add_argument(
+        "-a", "--all", action="store_true", help="record every topic, including those that appear later"
+    )
+    parser.add_argument("--regex", "-e", default="", help="record topics whose name matches, including later ones")
+    parser.add_argument("--exclude", "-x", default="", help="leave out topics whose name matches")
     parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds (default: at Ctrl-C)")
-    parser.add_argument("--compression", choices=COMPRESSIONS, default="none", help="of the chunks (default: none)")
+    parser.add_argument(
+        "--compression", choices=COMPRESSIONS, default="none", help="compression of the chunks (default: none)"
+    )
     parser.add_argument(
         "--images",
         choices=("raw", "jpeg", "video", "none"),
@@ -94,17 +98,21 @@ def _parser() -> cli.Parser:
         help="how raw images are recorded: as they are, as JPEG messages, as a video file for each camera, not at all",
     )
     parser.add_argument(
-        "--pause-images", action="store_true", help="raw images only once /recorder/pause_images is called with false"
+        "--pause-images",
+        action="store_true",
+        help="record raw images only after /recorder/pause_images is called with false",
     )
     parser.add_argument(
-        "--video-codec", choices=tuple(CODECS), help="of --images video (default: rawvideo); ffv1 is smaller and slower"
+        "--video-codec",
+        choices=tuple(CODECS),
+        help="codec of --images video (default: rawvideo); ffv1 is smaller and slower",
     )
     parser.add_argument("--max-size", type=float, metavar="MIB", help="begin a new file at this size (default: never)")
     parser.add_argument(
         "--max-duration", type=float, metavar="S", help="begin a new file after this time (default: never)"
     )
     parser.add_argument(
-        "--min-free", type=float, default=200.0, metavar="MIB", help="stop when less space is free (200)"
+        "--min-free", type=float, default=200.0, metavar="MIB", help="stop when less space is free (default: 200)"
     )
     parser.add_argument("--attach", nargs="+", default=[], type=Path, metavar="YAML", help="files to store in the bag")
     parser.add_argument("--fresh", action="store_true", help="leave out latched messages from before the recording")

@@ -22,14 +22,16 @@ def _replay(argv: Sequence[str]) -> int:
     parser.add_argument("--loop", "-l", action="store_true", help="begin again at the end of the bag, or at --until")
     parser.add_argument("--start", type=float, default=0.0, metavar="S", help="seconds after the bag's first message")
     parser.add_argument("--until", type=float, metavar="S", help="seconds after the bag's first message")
-    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these")
+    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="publish only these topics")
     parser.add_argument("--remap", "-m", nargs="+", default=[], metavar="OLD:=NEW", help="publish under other names")
     parser.add_argument("--clock", action="store_true", help="publish bag time on /clock, 100 times a second")
     parser.add_argument(
         "--delay", type=float, default=1.0, metavar="S", help="wait this long for subscribers (default: 1)"
     )
     parser.add_argument("--decode-jpeg", action="store_true", help="publish JPEG frames as raw images")
-    parser.add_argument("--with-commands", action="store_true", help="also into a live trackway: LEGS AND AIR OBEY")
+    parser.add_argument(
+        "--with-commands", action="store_true", help="publish even into a live trackway: LEGS AND AIR OBEY"
+    )
     options, ros_arguments = cli.with_ros(parser, argv)
     if not 0 <= options.delay < 1e6:
         raise InputError(f"--delay: {options.delay} is not a number of seconds from 0 up")

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_common import cli
-from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.files import check_output, writing
 from sandbot_common.terminal import counted
+from sandbot_common.worker_options import add_worker_options, refuse_worker_options, workers_of
 from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import to_csv, write_csv
@@ -28,18 +28,18 @@ def _table(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--out", type=cli.output, help="the CSV to write (default: trials.csv in the campaign folder, else print)"
     )
-    add_crew(parser, "read the bags of a folder")
+    add_worker_options(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
         out = options.out or check_output(first / table.TRIALS_CSV)
         # Absolute, because the workers of a cluster have another working directory.
-        with crew_of(options) as crew:
-            crew.check(first)
-            report = table.make(first.absolute() if options.dask else first, crew, out)
+        with workers_of(options) as workers:
+            workers.check(first)
+            report = table.make(first.absolute() if options.dask else first, workers, out)
         _tell(report.trials, report.skipped, out, of_bags=bool(report.bags))
         return 1 if report.skipped else 0
-    no_crew(options, "only the bags of one folder are shared out; these are read one by one")
+    refuse_worker_options(options, "only the bags of one folder are shared out; these are read one by one")
     out = options.out and table.check_no_column_lost(options.out)
     rows = read(options.data)
     if out is not None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sandbot_common import files, separated
+from sandbot_common import delimited_text, files
 from sandbot_common.errors import InputError
 from sandbot_record.trials.columns import Kind
 from sandbot_record.trials.header import check_header, is_read, known_names, unit_in_header, unread, with_unit_row
@@ -36,7 +36,9 @@ _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem"
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
     notes: list[str] = []
-    header, lines = with_unit_row(*separated.read_csv(path, "a trials CSV, a bag or a campaign folder", is_read, notes))
+    header, lines = with_unit_row(
+        *delimited_text.read_csv(path, "a trials CSV, a bag or a campaign folder", is_read, notes)
+    )
     told = (*(f"{path}: {note}" for note in notes), *unread(header))
     return replace(from_rows(rows_of(header, lines, str(path))), unread=told)
 
@@ -131,7 +133,7 @@ def _number(where: str, kind: Kind, cell: Cell, *, required: bool) -> float:
             raise InputError(f"{where}: {text or 'empty'}; {instead}{filled}")
         return math.nan
     try:
-        value = separated.number_in(text) * factor
+        value = delimited_text.number_in(text) * factor
     except ValueError:
         instead = "write decimals with a point" if "," in text else instead
         raise InputError(f"{where}: {text!r} is not a number; {instead}") from None

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common import files, separated, topics
+from sandbot_common import delimited_text, files, topics
 from sandbot_common.arrays import Floats
-from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import never_set
 from sandbot_common.legs import leg_mount_rad
+from sandbot_common.parallel import Workers, one_per_cpu
 from sandbot_common.robot import FILE, SANDBOT, Robot
 from sandbot_common.typed import number_or_nan
 from sandbot_record.bags import reader
@@ -131,21 +131,21 @@ def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
     return mount
 
 
-def campaign(folder: Path, crew: Crew | None = None) -> Report:
+def campaign(folder: Path, workers: Workers | None = None) -> Report:
     """The table of a campaign folder, or of any folder of bags.
 
-    Bags are read by a ``crew`` (by default one process per CPU); a folder with only trials.csv gives that table. A
+    Bags are read by ``workers`` (by default one process per CPU); a folder with only trials.csv gives that table. A
     trial's status may be edited in trials.csv: edits apply to all bags that are unchanged since it was written. A row
     whose bag can't be read any more is kept but excluded. Raises InputError if there is no row.
     """
-    report = report_of(folder, crew)
+    report = report_of(folder, workers)
     if not len(report.trials):
         first = next(iter(report.skipped.values()))
         raise InputError(f"{folder}: none of {len(report.skipped)} bags gives a row; the first: {first}")
     return report
 
 
-def report_of(folder: Path, crew: Crew | None = None) -> Report:
+def report_of(folder: Path, workers: Workers | None = None) -> Report:
     """As `campaign`, but without an error if no bag gives a row."""
     bags = bags_in(folder)
     if not bags:
@@ -163,7 +163,7 @@ def report_of(folder: Path, crew: Crew | None = None) -> Report:
         return Report(table, {cache.trial_id(bag): bag for bag in bags}, {}, len(bags), edited)
     keys = {bag: cache.key(bag) for bag in bags}
     cached = sum(key in cache.measured for key in keys.values())
-    failed = _fill(cache, keys, crew)
+    failed = _fill(cache, keys, workers)
     if cached == len(bags) and cache.changed:
         cache.write(keys)
     found = {bag: result for bag in bags if (result := cache.get(keys[bag], bag)) is not None}
@@ -197,13 +197,13 @@ def _lost(own: Trials | None, failed: Iterable[Path], found: Container[str]) -> 
     return {bag: replace(row, status=UNREADABLE if row.status == OK else row.status) for bag, row in lost.items()}
 
 
-def _fill(cache: Cache, keys: Mapping[Path, str], crew: Crew | None) -> dict[Path, str]:
+def _fill(cache: Cache, keys: Mapping[Path, str], workers: Workers | None) -> dict[Path, str]:
     """Read the bags that the cache does not have; the reasons for those that give no row."""
     todo = [bag for bag, key in keys.items() if key not in cache.measured]
     failed: dict[Path, str] = {}
     for first in range(0, len(todo), _CACHE_EVERY):
         part = todo[first : first + _CACHE_EVERY]
-        for bag, result in zip(part, _measure_all(part, crew), strict=True):
+        for bag, result in zip(part, _measure_all(part, workers), strict=True):
             if isinstance(result, str):
                 failed[bag] = result
             elif not keys[bag]:
@@ -236,11 +236,11 @@ def _is_of_campaign(path: Path) -> bool:
     return (path.parent / TRIALS_CSV).is_file()
 
 
-def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Report:
+def make(folder: Path, workers: Workers | None = None, out: Path | None = None) -> Report:
     """Write the trials table of a campaign folder to ``out``, by default its trials.csv; see `check_no_column_lost`."""
     path = out or folder / TRIALS_CSV
     check_no_column_lost(path)
-    report = campaign(folder, crew)
+    report = campaign(folder, workers)
     with files.writing(path):
         write_csv(report.trials, path)
     if not files.same_file(path, folder / TRIALS_CSV):
@@ -255,7 +255,7 @@ def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Rep
 
 def check_no_column_lost(out: Path) -> Path:
     """``out``. Raises InputError if it is a table with columns that overwriting would delete."""
-    if out.is_file() and (columns := foreign(separated.read_csv(out)[0])):
+    if out.is_file() and (columns := foreign(delimited_text.read_csv(out)[0])):
         raise InputError(
             f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
             "write the table into another file (table --out)"
@@ -304,11 +304,11 @@ def _edits(rows: Sequence[Row], measured: Sequence[Row]) -> list[str]:
     return [f"{TRIALS_CSV} differs from the bags of {some}, and is used"] if ids else []
 
 
-def _measure_all(bags: Sequence[Path], crew: Crew | None) -> list[Measured | str]:
+def _measure_all(bags: Sequence[Path], workers: Workers | None) -> list[Measured | str]:
     """For each bag its row and setting, or the reason why there is none."""
     if len(bags) < _PARALLEL_FROM:
         return [_row_or_reason(bag) for bag in bags]
-    with (crew or one_a_cpu()).map() as spread:
+    with (workers or one_per_cpu()).map() as spread:
         return list(spread(_row_or_reason, bags))
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 
-from sandbot_common import separated
+from sandbot_common import delimited_text
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import near
 from sandbot_record.trials.columns import SPEED
@@ -159,7 +159,7 @@ def _dates(header: Sequence[str]) -> list[str]:
 def _fits_unit_row(name: str, cell: str) -> bool:
     """Whether a cell is empty or the unit of its column, not a value; the right unit if the name already has one."""
     if not cell or not (factors := _factors(name)):
-        return not separated.NUMBER.fullmatch(cell)
+        return not delimited_text.NUMBER.fullmatch(cell)
     return cell in factors and (_name(name) in _QUANTITIES or factors[cell] == 1.0)
 
 
@@ -214,7 +214,7 @@ def _hint(name: str, header: Sequence[str]) -> str:
     for other in header:
         if _QUANTITIES.get(_name(other)) == name:
             return f"; {other} needs its unit, {other} [{'], ['.join(_factors(name))}]"
-    if any(map(separated.NUMBER.fullmatch, header)):
+    if any(map(delimited_text.NUMBER.fullmatch, header)):
         return "; there are numbers in that row: names of the columns are needed on top, and below one row per trial"
     kinds = [other for other in header if _name(other).startswith(f"{name}_") and other not in COLUMNS]
     if name == "phi" and len(kinds) > 1:

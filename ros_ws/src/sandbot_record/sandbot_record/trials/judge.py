@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.bags.reader import FIELD_STAMP, Bag, Columns
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
 from sandbot_record.trials import camera_reports
-from sandbot_record.trials.legs import joint_names, leg_columns
+from sandbot_record.trials.legs import in_leg_order, joint_names
 from sandbot_record.trials.setting import attached_cameras
 
 CLOCK_GAP = 10
@@ -172,24 +172,23 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
     wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (commanded, states))
     if turned < MIN_FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad commanded"
-    return _each_leg(bag, start_ns, end_ns)
+    return _each_leg(bag, commanded, states, start_ns, end_ns)
 
 
-def _each_leg(bag: Bag, start_ns: int, end_ns: int) -> str:
+def _each_leg(bag: Bag, commanded: Columns, states: Columns, start_ns: int, end_ns: int) -> str:
     """Whether a single leg stood, or all did for a while, as after a reset of their controller."""
     names = joint_names(bag, topics.LEG_SETPOINTS.name) or joint_names(bag, topics.LEG_STATES.name)
     if not names:
         return ""
     try:
-        told, states = (
-            leg_columns(bag, topic.name, names, "position", *FIELD_STAMP)
-            for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)
-        )
+        commanded = in_leg_order(bag, topics.LEG_SETPOINTS.name, commanded, names)
+        states = in_leg_order(bag, topics.LEG_STATES.name, states, names)
     except InputError:
         return ""  # the robot has other joints than are commanded
     within = (states.stamp_ns >= start_ns) & (states.stamp_ns <= end_ns)
     stamps, turned = states.stamp_ns[within], np.unwrap(states["position"][within], axis=0)
-    wanted = [np.interp(stamps, told.stamp_ns, np.unwrap(told["position"][:, leg])) for leg in range(len(names))]
+    position = np.unwrap(commanded["position"], axis=0)
+    wanted = [np.interp(stamps, commanded.stamp_ns, leg) for leg in position.T[: len(names)]]
     starts, turns = zip(*(_turns(*pair) for pair in zip(wanted, turned.T, strict=True)), strict=True)
     least = MIN_FOLLOWED * np.median(np.concatenate(turns)) if any(map(len, turns)) else 0.0
     for name, start, made in zip(names, starts, turns, strict=True):

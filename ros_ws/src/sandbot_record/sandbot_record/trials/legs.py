@@ -8,12 +8,16 @@ from sandbot_record.bags.reader import Bag, Columns
 
 
 def leg_columns(bag: Bag, topic: str, order: Sequence[str], *names: str) -> Columns:
-    """Fields of joint states; those with one value per joint as ``(n, legs)`` in the robot's leg ``order``.
+    """Fields of joint states, in leg order; see ``in_leg_order``."""
+    return in_leg_order(bag, topic, bag.columns(topic, *names), order)
+
+
+def in_leg_order(bag: Bag, topic: str, columns: Columns, order: Sequence[str]) -> Columns:
+    """The same columns; those with one value per joint as ``(n, legs)`` in the robot's leg ``order``.
 
     Joints that are not legs are left out; messages without names are assumed to be in that order. Raises InputError
     naming a leg that is missing.
     """
-    columns = bag.columns(topic, *names)
     recorded = joint_names(bag, topic)
     if not recorded or recorded == list(order):
         return columns

@@ -1,9 +1,9 @@
 """Calibrate a camera of the trackway: from a table of pixels and metres, and pictures of a board, to a cameras.yaml
 entry.
 
-A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives where the camera stands; with points that do not lie
-in one plane, or with --intrinsics, that is well determined. Pictures of a chessboard or a ChArUco board, a video or a
-folder of images, give lens and focal length; the table then adds the place.
+A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives the camera's pose, which is well determined if the points
+do not lie in one plane, or with --intrinsics. Pictures of a chessboard or a ChArUco board, a video or a folder of
+images, give lens and focal length; the table is then needed for the pose only.
 """
 
 import os
@@ -17,9 +17,9 @@ import yaml
 
 from sandbot_common import cli, topics
 from sandbot_common.arrays import Floats
+from sandbot_common.delimited_text import number_in, read_csv
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
-from sandbot_common.separated import number_in, read_csv
 from sandbot_common.yaml_text import read_yaml
 from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
 

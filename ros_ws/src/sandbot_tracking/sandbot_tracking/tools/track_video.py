@@ -23,8 +23,8 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("lateral", type=Path, nargs="?", help="video of the lateral camera, with the same frames")
     parser.add_argument("--cameras", type=Path, required=True, help="YAML file of the calibrated cameras")
     parser.add_argument("--robot", type=Path, help="YAML file of the robot (default: SandBot)")
-    parser.add_argument("--omega", type=float, help="leg frequency [rad/s]: gives the observables")
-    parser.add_argument("--start", type=float, help="time the legs start [s] (default: the sync LED, else 0)")
+    parser.add_argument("--omega", type=float, help="leg frequency [rad/s], needed for the observables")
+    parser.add_argument("--start", type=float, help="time at which the legs start [s] (default: the sync LED, else 0)")
     parser.add_argument("--out", type=cli.output, help="CSV to write (default: DORSAL.csv)")
     given = parser.parse_args(argv)
     if given.omega is not None and not 0.1 <= given.omega <= 200:

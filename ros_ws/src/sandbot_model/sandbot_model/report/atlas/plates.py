@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sandbot_common.crew import Map
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
+from sandbot_common.parallel import Map
 from sandbot_model.report.atlas import collapse, force, leg, motion, speeds
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, TWO_COLUMNS_MM, Material, Plate
 from sandbot_model.report.atlas.style import typography

@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from html import escape
-from typing import Any
+from itertools import chain
 from urllib.parse import urlencode
 
 from flask import Flask, Response, request
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, from_query
+from sandbot_model.discovery.selection import Selection, from_query
 from sandbot_model.report.page import source
+
+Handler = Callable[..., Response]
+"""Answers the requests for one address."""
 
 HEAD = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -23,11 +26,11 @@ def head(title: str, query: str) -> str:
     return HEAD.format(title=escape(title), style=source("report.css"), query=escape(query))
 
 
-def serve(server: Flask, pages: Mapping[str, Callable[..., Any]]) -> None:
+def serve(server: Flask, *routes: Mapping[str, Handler]) -> None:
     """Register pages by their addresses; a request that can't be answered (InputError) is refused with one line."""
     server.register_error_handler(InputError, lambda error: Response(str(error), 400, mimetype="text/plain"))
-    for address, page in pages.items():
-        server.add_url_rule(address, address, page)
+    for address, handler in chain.from_iterable(some.items() for some in routes):
+        server.add_url_rule(address, address, handler)
 
 
 def requested_selection(*others: str) -> Selection:

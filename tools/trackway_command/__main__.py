@@ -1,4 +1,4 @@
-"""``python tools/trackway_door VERB …``."""
+"""``python tools/trackway_command VERB …``."""
 
 import signal
 import sys
@@ -8,6 +8,6 @@ from pathlib import Path
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from trackway_door.main import main  # noqa: E402
+from trackway_command.main import main  # noqa: E402
 
 raise SystemExit(main())

@@ -1,14 +1,12 @@
-"""Parallel work: on worker processes here, or on the workers of a Dask cluster (``cluster``)."""
+"""Parallel work, by worker processes of this machine or those of a Dask cluster (``cluster``)."""
 
-import argparse
 import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol
 
 from sandbot_common.errors import InputError
@@ -19,7 +17,7 @@ Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """The signature of an order-preserving ``map``."""
 
 
-class Crew(Protocol):
+class Workers(Protocol):
     """Workers that run tasks in parallel."""
 
     @property
@@ -104,47 +102,6 @@ def _call(pickled: bytes) -> Any:
     return function(task)
 
 
-def one_a_cpu() -> Processes:
+def one_per_cpu() -> Processes:
     """One process per CPU that this process may use."""
     return Processes(len(os.sched_getaffinity(0)))
-
-
-def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = None) -> None:
-    """Options ``--workers`` and ``--dask`` for this ``work``; default: ``usual`` processes (None: one per CPU)."""
-    who = parser.add_mutually_exclusive_group()
-    default = "one per CPU" if usual is None else usual
-    who.add_argument("--workers", type=count, metavar="N", help=f"processes that {work} at once (default: {default})")
-    who.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help=f"{work} on the Dask cluster whose scheduler is at this address, e.g. tcp://host:8786",
-    )
-
-
-def count(text: str) -> int:
-    """A number of processes, as an argparse type."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of processes: 1 or more are needed")
-    return int(text)
-
-
-def no_crew(options: argparse.Namespace, why: str) -> None:
-    """Refuse ``--workers`` and ``--dask`` where nothing runs in parallel. Raises InputError."""
-    for option in ("workers", "dask"):
-        if getattr(options, option) is not None:
-            raise InputError(f"--{option}: {why}")
-
-
-def crew_of(
-    options: argparse.Namespace, usual: int | None = None, by_value: Sequence[ModuleType] = ()
-) -> AbstractContextManager[Crew]:
-    """The workers chosen by ``--workers`` or ``--dask``, else ``usual`` processes (None: one per CPU).
-
-    Modules ``by_value`` are sent to a cluster with the tasks. Raises InputError.
-    """
-    if options.dask is None:
-        workers = options.workers or usual
-        return nullcontext(one_a_cpu() if workers is None else Processes(workers))
-    from sandbot_common.cluster import connected
-
-    return connected(options.dask, by_value=by_value)

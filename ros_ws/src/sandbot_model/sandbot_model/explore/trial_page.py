@@ -1,4 +1,4 @@
-"""``/theatre``: the film, legs and records of one trial with a shared time cursor, and a clip to download."""
+"""``/trial``: the film, legs and records of one trial with a shared time cursor, and a clip to download."""
 
 import tempfile
 from collections.abc import Mapping
@@ -8,13 +8,13 @@ from math import cos, sin
 from pathlib import Path
 from urllib.parse import quote
 
-from flask import Flask, Response, abort, request
+from flask import Response, abort, request
 from plotly.offline import get_plotlyjs
 
-from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.selection import Selection, to_query
 from sandbot_model.explore.blocks import FORMATS
 from sandbot_model.explore.clip import write_clip
-from sandbot_model.explore.requested import head, held_values, requested_selection, serve
+from sandbot_model.explore.pages import Handler, head, held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
 from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session
@@ -29,7 +29,7 @@ from sandbot_record.trials.table import Trials
 
 PAGE = """{head}<h1>{trial}</h1>
 <p class="kind">{model}. Other trials of this condition: {others}</p></header>
-<main class="theatre"><div class="stage">{film}{leg}</div>
+<main class="trial"><div class="stage">{film}{leg}</div>
 <div class="controls"><button type="button" id="play">Play</button>
 <span><label for="pace">pace</label> <select id="pace"><option value="1">1</option>
 <option value="0.25" selected>1/4</option><option value="0.1">1/10</option></select></span>
@@ -37,7 +37,7 @@ PAGE = """{head}<h1>{trial}</h1>
 <input type="range" id="clock" min="{start}" max="{end}" step="0.005" value="0" autocomplete="off"></div>
 <p id="reading" class="reading"></p>
 {records}{phase}
-<p><a class="download" download="{trial}.mp4" href="/theatre/clip.mp4?{address}">Clip of this trial
+<p><a class="download" download="{trial}.mp4" href="/trial/clip.mp4?{address}">Clip of this trial
 (MP4, at a quarter of its speed)</a></p></main>
 <script src="/plotly.js"></script><script type="application/json" id="scene">{data}</script>
 <script>{export}</script><script>{script}</script></body></html>"""
@@ -57,18 +57,23 @@ STONES, PERIOD = ((0.0, 0.2), (0.4, 0.62), (0.76, 0.37), (0.23, 1.0), (0.9, 1.2)
 """Places of stones in the ground, and the distance after which they repeat [leg radii]."""
 
 
-class TheatrePage:
-    """``/theatre`` for the trial and the selection in its address, its frames and its clip."""
+class TrialPage:
+    """``/trial`` for the trial and the selection in its address, its frames and its clip."""
 
     def __init__(self, session: Session, trials: Trials, bags: Mapping[str, Path]) -> None:
         self._session, self._trials, self._bags = session, trials, bags
         self._film = lru_cache(maxsize=4)(self._opened)
         self._frame = lru_cache(maxsize=1024)(lambda trial_id, i: self._filmed(trial_id).jpeg(i))
 
-    def serve(self, server: Flask) -> None:
-        """Register these addresses with the explorer's server."""
-        frame = "/theatre/frame/<trial_id>/<int:i>.jpg"
-        serve(server, {"/theatre": self.page, frame: self.frame, "/theatre/clip.mp4": self.clip, "/plotly.js": _plotly})
+    @property
+    def routes(self) -> dict[str, Handler]:
+        """Its addresses, and what answers each."""
+        return {
+            "/trial": self.page,
+            "/trial/frame/<trial_id>/<int:i>.jpg": self.frame,
+            "/trial/clip.mp4": self.clip,
+            "/plotly.js": _plotly,
+        }
 
     def page(self) -> Response:
         """The page of the trial."""
@@ -92,7 +97,7 @@ class TheatrePage:
                 records=_figure("records", records_caption(scene), '<div id="cursor" class="cursor"></div>'),
                 phase=_figure("phase", phase_caption(walking)),
                 data=for_script({"scene": scene.to_dict(), "frames": times, "figures": figures}),
-                export=source("export.js"), script=source("theatre.js"),
+                export=source("export.js"), script=source("trial.js"),
             ), mimetype="text/html",
         )  # fmt: skip
 
@@ -126,7 +131,7 @@ class TheatrePage:
     def _link(self, trial: str, query: str) -> str:
         if trial not in self._bags:
             return escape(trial)
-        return f'<a href="/theatre?trial={quote(trial)}{escape(query.replace("?", "&"))}">{escape(trial)}</a>'
+        return f'<a href="/trial?trial={quote(trial)}{escape(query.replace("?", "&"))}">{escape(trial)}</a>'
 
     def _opened(self, trial_id: str) -> Film | None:
         return film_of(Bag.open(self._bags[trial_id]))
@@ -151,7 +156,7 @@ def _plotly() -> Response:
 
 def _screen(trial: str, bag: Path) -> str:
     # A browser keeps the frames; those of the trial run again have other addresses.
-    frame = f"/theatre/frame/{quote(trial)}/FRAME.jpg?bag={file_state(bag)}"
+    frame = f"/trial/frame/{quote(trial)}/FRAME.jpg?bag={file_state(bag)}"
     first = frame.replace("FRAME", "0")
     return f'<img id="film" alt="Lateral camera, tracked axles marked" data-address="{frame}" src="{first}">'
 

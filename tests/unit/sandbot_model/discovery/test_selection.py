@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made_up import BOOST
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import VIEWS, Condition, Selection, from_mapping, from_query, to_query, to_yaml
+from sandbot_model.discovery.selection import VIEWS, Condition, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.physics.observables import NAMES
 
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=12)

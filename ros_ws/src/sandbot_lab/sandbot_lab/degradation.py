@@ -25,7 +25,7 @@ def check_jitter(film: Film, rate_hz: float) -> None:
         )
 
 
-class Spoiler:
+class Degradation:
     """Degrades the frames of one camera; randomness depends only on the seed and the frame's number."""
 
     def __init__(self, film: Film, name: str, seed: int, pedestal: float) -> None:
@@ -47,7 +47,7 @@ class Spoiler:
         drop, double = self._rng(self._camera, number).random(2)
         return 0 if drop < self._film.dropped else 2 if double < self._film.doubled else 1
 
-    def seen(self, image: Frame, t_s: float) -> Frame:
+    def degraded(self, image: Frame, t_s: float) -> Frame:
         """The image on the sensor, from a drawn picture (height, width) that may be modified in place."""
         film = self._film
         rows, columns = image.shape
@@ -67,8 +67,8 @@ class Spoiler:
             image = np.clip(np.rint(lit), 0, 255).astype(np.uint8)
         return image
 
-    def sent(self, frame: Frame) -> Frame:
-        """An exposed frame after compression."""
+    def compressed(self, frame: Frame) -> Frame:
+        """An exposed frame, JPEG-compressed and decoded."""
         if not self._film.jpeg_quality:
             return frame
         coded = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, self._film.jpeg_quality])[1]

@@ -18,7 +18,7 @@ MIN_CONTRAST_RATIO = 0.5
 """Smallest contrast in the earlier frame relative to now; a dim glint under a marker has less."""
 
 
-class Bystanders:
+class Distractors:
     """Keeps the last given frame, in which all markers were in sight."""
 
     def __init__(self) -> None:

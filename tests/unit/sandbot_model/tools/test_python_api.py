@@ -94,7 +94,7 @@ def test_a_result_pickles_small_and_comes_back(found):
 
 
 @pytest.mark.slow
-def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
+def test_the_python_api_says_what_the_command_says(trials, found, tmp_path, capsys):
     write_csv(trials, tmp_path / "table.csv")
     out = tmp_path / "found.json"
     few = ["--max-effects", "1", "--workers", "1"]
@@ -234,7 +234,7 @@ def test_nothing_of_ros_or_of_the_page_is_loaded():
     assert shown.strip() == "[]"
 
 
-def test_the_door_lists_what_it_has_and_no_more():
+def test_a_package_lists_its_public_names_and_no_more():
     assert set(sm.__all__) <= set(dir(sm))
     for name in sm.__all__:
         assert getattr(sm, name) is not None

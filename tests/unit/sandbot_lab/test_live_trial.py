@@ -6,8 +6,8 @@ from rig import QUIET, setpoints
 from test_cameras import CAMERAS as FILE
 
 from sandbot_lab.cameras import LabCamera
+from sandbot_lab.live_trial import NANO, LiveTrial
 from sandbot_lab.robot import START_X_M, simulate
-from sandbot_lab.stage import NANO, LiveTrial
 from sandbot_lab.world import null_world
 
 CAMERAS = {name: FILE[name] for name in ("dorsal", "lateral")}

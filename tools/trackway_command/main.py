@@ -15,8 +15,8 @@ from ros2cli_fallback.packages import executable
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean
-from trackway_door.verbs import VERBS, then, usage
-from trackway_door.version import version
+from trackway_command.verbs import VERBS, then, usage
+from trackway_command.version import version
 
 TOOLS = Path(__file__).resolve().parents[1]
 PACKAGES = (
@@ -27,7 +27,7 @@ DEMO = ("runs/demo", "")
 FOREIGN = ("demo", "live")
 """Verbs whose processes know nothing of a Ctrl-C that is held back."""
 ENDS_S = 0.5
-"""Time for a process to end at an interrupt of its own before that of the door is handed on to it."""
+"""Time for a process to end at an interrupt of its own before that of `trackway` is handed on to it."""
 LAUNCH = ("ros2", "launch", "sandbot_bringup", "trackway.launch.py")
 
 
@@ -49,7 +49,7 @@ def _main(argv: Sequence[str]) -> int:
     if name == "help":
         return _main([*arguments[:1], "--help"])
     if name == "doctor":
-        from trackway_door import doctor
+        from trackway_command import doctor
 
         sys.argv[0] = name
         code = cli.run(doctor.main, arguments)

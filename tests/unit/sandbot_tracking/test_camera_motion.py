@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sandbot_tracking.standpoint import Standpoint
+from sandbot_tracking.camera_motion import CameraMotion
 
 SHAPE, FRAMES, KNOCK = (480, 640), 100, 60
 
@@ -28,7 +28,7 @@ def film(shift=lambda number: (0.0, 0.0), texture=12.0, wall=0, seed=0):
 
 
 def moved_px(frames):
-    camera = Standpoint(20.0)
+    camera = CameraMotion(20.0)
     for frame in frames:
         camera.see(frame)
     return camera.moved_px

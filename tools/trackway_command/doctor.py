@@ -17,7 +17,7 @@ from ros2cli_fallback.main import real_ros2
 from sandbot_common import cli
 from sandbot_common.shared_memory import NEEDED_BYTES, SHARED_MEMORY
 from sandbot_common.terminal import styled
-from trackway_door.version import version
+from trackway_command.version import version
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S, LONGEST_S = 20.0, 3600.0
@@ -200,7 +200,7 @@ def browser(which: Callable[[str], str | None]) -> Finding:
 
 def round_trip_s(patience_s: float) -> float | str:
     """How long a message takes to another process and back once they have found each other, or why none came."""
-    command = [sys.executable, "-m", "trackway_door.ping", f"{patience_s}"]
+    command = [sys.executable, "-m", "trackway_command.ping", f"{patience_s}"]
     environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tools'}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     echo = subprocess.Popen([*command, "echo"], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

@@ -1,4 +1,4 @@
-"""The front doors of sandbot_record and sandbot_tracking, on a trial of the virtual lab; their examples are run."""
+"""The Python API of sandbot_record and of sandbot_tracking, on a trial of the virtual lab; their examples are run."""
 
 import doctest
 from importlib import import_module
@@ -13,13 +13,13 @@ from sandbot_model.tools.export import main as export
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
-PLAN = "name: door\ngait: UNIFORM\nphi: [0.62]\nomega_rad_s: [12]\nreplicates: 1\nseed: 1\nimages: video\n"
+PLAN = "name: api\ngait: UNIFORM\nphi: [0.62]\nomega_rad_s: [12]\nreplicates: 1\nseed: 1\nimages: video\n"
 
 
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory, batch_campaign):
     """A folder with one trial's bag, the videos of both cameras, and their calibration."""
-    folder = tmp_path_factory.mktemp("door")
+    folder = tmp_path_factory.mktemp("api")
     (folder / "plan.yaml").write_text(PLAN)
     assert batch_campaign(folder / "plan.yaml", "--out", folder / "out") == 0
     (bag,) = (folder / "out" / "trials").iterdir()

@@ -6,7 +6,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from typing import Any
 
 
-class Renewed(Executor):
+class RestartingPool(Executor):
     """The ``first`` pool until it breaks, then what ``anew`` makes, each time.
 
     What was under way in a broken pool fails with BrokenExecutor. Once this process has threads, ``anew`` must spawn.

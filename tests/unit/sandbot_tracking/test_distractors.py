@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sandbot_tracking.bystanders import Bystanders
+from sandbot_tracking.distractors import Distractors
 from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import locate
 
@@ -58,7 +58,7 @@ def test_what_stood_within_reach_is_not_the_marker_but_what_comes_there_is(scene
     np.testing.assert_allclose(shown(scene, rng, truth)[1][LOST + 8 :], truth[LOST + 8 :], atol=0.2)
 
 
-def test_a_marker_that_stands_is_no_bystander_of_its_own(scene, rng):
+def test_a_marker_that_stands_is_no_distractor_of_its_own(scene, rng):
     truth = walk(step_px=0.0)
     tracker, found = shown(scene, rng, truth, [(FAR, 7.0, 1)])
     np.testing.assert_allclose(found, truth, atol=0.2)
@@ -97,12 +97,12 @@ def test_only_what_was_there_as_bright_and_is_no_marker_stood_there(scene, rng):
     before = scene.frame(rng, [marker, screw], bed=bed, glints=[glint])
     now = scene.frame(rng, [marker, screw, glint, came], bed=bed)
     rows = np.array([locate(now, *place, 7.0, 5.0) for place in (marker, screw, glint, came)] + [np.full(7, np.nan)])
-    bystanders = Bystanders()
-    assert not bystanders.among(rows).any()
-    bystanders.see(before, np.array([marker]))
+    distractors = Distractors()
+    assert not distractors.among(rows).any()
+    distractors.see(before, np.array([marker]))
     # The driver's next frame in the same memory.
     before[:] = now
-    assert bystanders.among(rows).tolist() == [False, True, False, False, False]
+    assert distractors.among(rows).tolist() == [False, True, False, False, False]
 
 
 @pytest.mark.parametrize(("told", "found_again"), [(16, True), (1, False)])

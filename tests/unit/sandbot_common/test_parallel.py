@@ -1,4 +1,4 @@
-"""Worker processes as a crew: results in order, and nobody left behind by an end."""
+"""Worker processes: results in order, and nobody left behind by an end."""
 
 import os
 import signal
@@ -8,8 +8,8 @@ import sys
 import psutil
 import pytest
 
-from sandbot_common.crew import Processes, one_a_cpu
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes, one_per_cpu
 
 
 def test_worker_processes_keep_the_order():
@@ -38,12 +38,12 @@ def test_an_error_of_a_task_stays_what_it_is():
 
 def test_there_is_one_process_per_cpu_that_may_be_used(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 7})
-    assert one_a_cpu().size == 3
+    assert one_per_cpu().size == 3
 
 
 INTERRUPTED = """
 import os, signal, sys, threading
-from sandbot_common.crew import Processes
+from sandbot_common.parallel import Processes
 
 here = os.getpid(), threading.get_ident()
 entered, untouched = 0, threading.Condition.__enter__
@@ -85,7 +85,7 @@ def test_an_end_leaves_no_worker_behind(sent, code):
 import os, signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from sandbot_common import cli
-from sandbot_common.crew import Processes
+from sandbot_common.parallel import Processes
 
 def wait(_):
     os.write(1, b"at work\\n")

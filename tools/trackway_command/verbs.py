@@ -53,8 +53,8 @@ GROUPS = {
     ),
     "record": (
         Verb("record", "record topics to a bag", "sandbot_record", ("trackway info {out}", "trackway replay {out}")),
-        Verb("replay", "publish what a bag holds", "sandbot_record", ("trackway info {data}",)),
-        Verb("info", "what a bag holds, and whether it is complete", "sandbot_record", ("trackway replay {data}",)),
+        Verb("replay", "publish the messages of a bag", "sandbot_record", ("trackway info {data}",)),
+        Verb("info", "what a bag contains, and whether it is complete", "sandbot_record", ("trackway replay {data}",)),
         Verb("recover", "copy what is intact in a damaged bag to a new one", "sandbot_record"),
         Verb("table", "make the trials table from bags", "sandbot_record", ("trackway compare {data}",)),
     ),

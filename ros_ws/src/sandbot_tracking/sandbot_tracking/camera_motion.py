@@ -60,7 +60,7 @@ class _Tile:
         return np.array([left + x + fine[0] - self.x, top + y + fine[1] - self.y]), best
 
 
-class Standpoint:
+class CameraMotion:
     """Takes the frames of one camera from the trial's start on."""
 
     def __init__(self, rate_hz: float) -> None:

@@ -9,13 +9,12 @@ import av
 import cv2
 import numpy as np
 import pytest
-from flask import Flask
-from made_up import PACE
+from made_up import PACE, served
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore import clip, scene_figures, theatre_page
+from sandbot_model.explore import clip, scene_figures, trial_page
 from sandbot_model.explore.scene import phases, scene_of
-from sandbot_model.explore.theatre_page import TheatrePage
+from sandbot_model.explore.trial_page import TrialPage
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report.theme import DARK, LIGHT
 
@@ -120,7 +119,7 @@ def test_the_leg_drawn_has_the_arc_of_the_robot(scene):
     ends, pixels, arcs = [], [], np.pi * np.array([1, 1.25, 1.75])
     for arc_rad in arcs:
         robot = replace(scene, arc_rad=arc_rad)
-        path = re.search(r'id="leg-0" class="arc" d="M0 0 A1 1 0 1 1 (\S+) (\S+)"', theatre_page._leg(robot))
+        path = re.search(r'id="leg-0" class="arc" d="M0 0 A1 1 0 1 1 (\S+) (\S+)"', trial_page._leg(robot))
         ends.append((float(path[1]), float(path[2])))
         pixels.append(int((clip.legs_at(robot, 0.0) < 60).all(axis=2).sum()))
     assert ends == [
@@ -131,44 +130,42 @@ def test_the_leg_drawn_has_the_arc_of_the_robot(scene):
 
 @pytest.fixture(scope="module")
 def client(session, trials, bags):
-    server = Flask("test")
-    TheatrePage(session, trials, bags).serve(server)
-    return server.test_client()
+    return served(TrialPage(session, trials, bags))
 
 
 def test_the_page_has_everything_on_one_clock(client, bags, scene):
     name = next(iter(bags))
-    page = client.get(f"/theatre?trial={name}&effect=leg_slip").text
+    page = client.get(f"/trial?trial={name}&effect=leg_slip").text
     held = json.loads(re.search(r'id="scene">(.*?)</script>', page)[1])
     assert held["frames"] == []
     assert len(held["scene"]["legTime"]) == len(held["scene"]["axle"]) == len(held["scene"]["model"])
     assert set(held["figures"]) == {"records", "phase"}
     assert 'href="/?effect=leg_slip"' in page
     assert "simple model + leg slip. Other trials" in page
-    assert f"/theatre/clip.mp4?trial={name}&amp;effect=leg_slip" in page
+    assert f"/trial/clip.mp4?trial={name}&amp;effect=leg_slip" in page
     assert 'id="film"' not in page
 
 
 def test_the_model_has_the_values_held_by_hand_and_links_keep_them(client, bags, scene):
     name, other = list(bags)[:2]
     query = "view=lock&amp;hold=delta_t_s%3D0.2"
-    page = client.get(f"/theatre?trial={name}&view=lock&hold=delta_t_s%3D0.2").text
+    page = client.get(f"/trial?trial={name}&view=lock&hold=delta_t_s%3D0.2").text
     shown = json.loads(re.search(r'id="scene">(.*?)</script>', page)[1])["scene"]
-    fitted = json.loads(re.search(r'id="scene">(.*?)</script>', client.get(f"/theatre?trial={name}").text)[1])["scene"]
+    fitted = json.loads(re.search(r'id="scene">(.*?)</script>', client.get(f"/trial?trial={name}").text)[1])["scene"]
     assert shown["model"] != fitted["model"]
     assert "simple model, held by hand: delta_t_s = 0.2. Other trials" in page
     assert f'href="/?{query}"' in page
-    assert f"/theatre?trial={other}&amp;{query}" in page
+    assert f"/trial?trial={other}&amp;{query}" in page
 
 
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("/theatre?trial=t00&hold=nonsense%3D1", "nonsense"),
-        ("/theatre?trial=absent", "no trial of that name"),
-        ("/theatre", "no trial of that name"),
-        ("/theatre?trial=t00&effect=nonsense", "nonsense"),
-        ("/theatre/clip.mp4?trial=absent", "no trial of that name"),
+        ("/trial?trial=t00&hold=nonsense%3D1", "nonsense"),
+        ("/trial?trial=absent", "no trial of that name"),
+        ("/trial", "no trial of that name"),
+        ("/trial?trial=t00&effect=nonsense", "nonsense"),
+        ("/trial/clip.mp4?trial=absent", "no trial of that name"),
     ],
 )
 def test_what_can_not_be_shown_is_refused_in_a_line(client, address, said):
@@ -182,4 +179,4 @@ def test_a_trial_without_legs_says_so(trials, bags, fit, client):
     without = list(bags)[1]
     with pytest.raises(InputError, match="no leg states"):
         scene_of(trials, bags, fit, without)
-    assert client.get(f"/theatre/frame/{without}/0.jpg").status_code == 404
+    assert client.get(f"/trial/frame/{without}/0.jpg").status_code == 404

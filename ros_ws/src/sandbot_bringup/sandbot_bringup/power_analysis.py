@@ -40,9 +40,9 @@ def in_words(found: Gaps) -> list[str]:
     ]
 
 
-def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str], lost: Gaps) -> str:
-    """The prediction in one sentence, for the ground of Li09 and the usual scatter according to cameras.yaml; ``lost``
-    is not measured."""
+def detectable_effects(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str], lost: Gaps) -> str:
+    """Which effects it will be able to detect, in one sentence, for the ground of Li09 and the usual scatter according
+    to cameras.yaml; ``lost`` is not measured."""
     from sandbot_model.discovery import power
     from sandbot_model.discovery.effect_search import EffectSearch
     from sandbot_model.physics.catalogue import catalogue

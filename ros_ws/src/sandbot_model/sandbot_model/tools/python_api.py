@@ -1,4 +1,4 @@
-"""The front door for Python: ``discover`` and ``compare`` on any data, with results that print and draw themselves.
+"""The Python API: ``discover`` and ``compare`` on any data, with results that print and draw themselves.
 
     import sandbot_model as sm
     found = sm.discover("table.csv")
@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sandbot_common import files
-from sandbot_common.crew import Processes
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
+from sandbot_common.parallel import Processes
 from sandbot_common.robot import Robot, read_robot
 from sandbot_common.typed import check_types
 from sandbot_model.data.conditions import cells_of
@@ -28,12 +28,12 @@ from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.assumed import assumed
-from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
+from sandbot_model.discovery.result import Discovery
+from sandbot_model.discovery.selection import name_of
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
