@@ -30,7 +30,10 @@ def table(tmp_path_factory):
 def cpu_s(pid):
     """CPU time of a process and its children; none once it has ended."""
     try:
-        family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
+        first = psutil.Process(pid)
+        family = [first, *first.children(recursive=True)]
+        if first.status() == psutil.STATUS_ZOMBIE:
+            return None
         return sum(sum(each.cpu_times()[:2]) for each in family)
     except psutil.NoSuchProcess:
         return None
