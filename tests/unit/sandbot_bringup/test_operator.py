@@ -98,14 +98,25 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
 def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
     one = operator()
     one._wait = lambda *_: False
-    one._hearing = SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=reports)
+    silent = {"motion_start_ns": None, "robot_warns": ""}
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=reports, **silent)
     with pytest.raises(TrialFailed, match=f"the clock was started but {said}"):
+        one._walk(TRIAL)
+
+
+def test_a_robot_that_warns_and_does_not_move_is_left_to_a_person():
+    one = operator()
+    one._wait, one._spin_until = lambda *_: False, lambda *_: False
+    one.hold, one.desk = Hold(), SimpleNamespace(attended=True)
+    silent = {"motion_start_ns": None, "robot_warns": "rig: emergency stop"}
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=True, **silent)
+    with pytest.raises(Held, match=r"the robot does not move as it is told \(rig: emergency stop\)"):
         one._walk(TRIAL)
 
 
 def heard_of_bed(preparation, stage, text=""):
     """Legs that report rest, and a bed's last message."""
-    bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text}
+    bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text, "robot_warns": ""}
     return SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=True, **bed)
 
 

@@ -15,6 +15,8 @@ LOST_FRAMES = "lost_frames"
 """Of the tracker: views without a partner."""
 CALIBRATION = "calibration"
 """Of the tracker: the checksum of its cameras' calibration."""
+LEGS_STOPPED = "legs stopped: "
+"""How a robot's driver begins the text that says why it has brought the legs to rest."""
 
 FRAMES, PERIOD_MS, CALIBRATED_MS = "frames", "period_ms", "calibrated_ms"
 """Of a camera: new frames, and their period as stamped and as calibrated [ms]."""

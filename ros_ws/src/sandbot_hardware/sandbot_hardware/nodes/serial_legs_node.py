@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.health import LEGS_STOPPED
 from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_common.legs import check_turning
@@ -125,7 +126,7 @@ class SerialLegs(Node):
 
     def _stop(self, why: str) -> None:
         if not self._why:  # the first reason is the informative one
-            self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
+            self._why = f"{LEGS_STOPPED if self._moving else 'set-point refused: '}{why}"
             self.get_logger().error(self._why)
         self._lapsed = True
         if self._moving:
