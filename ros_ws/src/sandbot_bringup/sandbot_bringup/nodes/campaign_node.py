@@ -146,7 +146,9 @@ class Operator(Node):
     def find_nodes(self) -> None:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         self._gate.find_nodes()
-        # By now another campaign would have been heard. From here on clock and bed obey only this one.
+        # The nodes may be heard sooner than another campaign, beside which this one must not make a folder.
+        self._wait(lambda: self._health.settled, math.inf)
+        # From here on clock and bed obey only this one.
         self._lease = publisher(self, topics.OPERATOR_LEASE)
 
     def await_go(self) -> None:
