@@ -1,5 +1,6 @@
 """What a campaign makes of what it hears, and what the gate does about it: without a graph."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
 from sandbot_bringup.endings import CampaignEnds
+from sandbot_bringup.nodes import gate_node
 from sandbot_bringup.nodes.gate_node import Gate
 from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
@@ -305,3 +307,19 @@ def test_a_second_bed_that_is_about_to_be_refused_changes_nothing(hearing, node,
     assert reports("fluidise", "5") == ("fluidise", "5")
     node.publishers.clear()
     assert reports("idle", "0") == ("idle", "0")
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_no_trial_begins_whose_recorder_could_not_be_heard_for_full_shared_memory(
+    hearing, node, tmp_path, monkeypatch, full
+):
+    def check():
+        if full:
+            raise InputError("/dev/shm is full")
+
+    monkeypatch.setattr(gate_node, "check_room", check)
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    with pytest.raises(CampaignEnds, match="/dev/shm is full, then start") if full else nullcontext():
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))

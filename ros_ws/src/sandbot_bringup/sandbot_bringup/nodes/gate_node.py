@@ -18,6 +18,7 @@ from sandbot_common.files import writing
 from sandbot_common.health import CALIBRATION
 from sandbot_common.ros import endpoints
 from sandbot_common.ros.endpoints import NAMELESS, names_of
+from sandbot_common.shared_memory import check_room
 from sandbot_tracking.calibration import checksum, read_cameras
 
 DISCOVERY_S = 20.0
@@ -90,6 +91,10 @@ class Gate:
             free = shutil.disk_usage(folder.path).free
         if free < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+        try:
+            check_room()
+        except InputError as error:
+            raise CampaignEnds(f"{error}, then start the campaign again to go on") from None
 
     def _same_cameras(self, folder: CampaignFolder) -> None:
         """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
