@@ -15,7 +15,7 @@ from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.health import CALIBRATION, PROCESS
+from sandbot_common.health import CALIBRATION, PROCESS, TIMELESS
 from sandbot_common.ros.endpoints import NAMELESS
 from sandbot_tracking.calibration import cameras_from_mapping, checksum
 
@@ -322,4 +322,17 @@ def test_no_trial_begins_whose_recorder_could_not_be_heard_for_full_shared_memor
     gate._pace = gate._same_cameras = lambda _: None
     hearing.missing = list
     with pytest.raises(CampaignEnds, match="/dev/shm is full, then start") if full else nullcontext():
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
+
+
+@pytest.mark.parametrize("who", ["tracker", "campaign", "scene"])
+def test_no_trial_begins_whose_stamps_would_show_1970(hearing, node, tmp_path, who):
+    hearing._on_diagnostics(messages.diagnostics(0, who, {TIMELESS: "nobody publishes /clock"}, level=1))
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    told = (
+        nullcontext() if who == "scene" else pytest.raises(CampaignEnds, match=f"{who}: nobody publishes /clock; set")
+    )
+    with told:
         gate.before_trial(None, SimpleNamespace(path=tmp_path))

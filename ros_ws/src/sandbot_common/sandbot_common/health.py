@@ -9,6 +9,8 @@ from sandbot_common.typed import number_or_nan
 
 PROCESS = "process"
 """Of every node: which process it is, for nodes on the same host (``process.Neighbour``)."""
+TIMELESS = "timeless"
+"""Of every node: why its stamps show no time, if they don't."""
 AIR_STOPS = "air_stops"
 """Of a blower's driver: how often it has turned the air off by itself, against its orders."""
 LOST_FRAMES = "lost_frames"

@@ -15,7 +15,7 @@ from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
-from sandbot_common.health import CALIBRATION
+from sandbot_common.health import CALIBRATION, TIMELESS
 from sandbot_common.ros import endpoints
 from sandbot_common.ros.endpoints import NAMELESS, names_of
 from sandbot_common.shared_memory import check_room
@@ -30,6 +30,7 @@ FORGOTTEN_S = 30.0
 PACE_S = 0.5
 """How long rates are measured before a trial."""
 
+_OURSELVES = "campaign"
 _REQUIRED = ("clock", "bed", "tracker")
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
@@ -67,7 +68,7 @@ class Gate:
 
     def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
         """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
-        self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)])
+        self._hearing.require(self._reporting)
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._with_remedy(self._hearing.missing()[0])
             raise CampaignEnds(f"{missing}, then start the campaign again to go on")
@@ -75,6 +76,8 @@ class Gate:
         if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
             where = topics.LEG_STATES.name
             raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
+        if not self._wait(lambda: not self._timeless, DISCOVERY_S):
+            raise CampaignEnds(f"{self._timeless}; set it to false, then start the campaign again to go on")
         self._same_cameras(folder)
         self._pace(bed)
         for topic in topics.COMMANDS:
@@ -95,6 +98,18 @@ class Gate:
             check_room()
         except InputError as error:
             raise CampaignEnds(f"{error}, then start the campaign again to go on") from None
+
+    @property
+    def _timeless(self) -> str:
+        """Which node's stamps show no time, and why; an empty string if all do."""
+        statuses = self._hearing.statuses
+        heard = ((who, statuses[who].values) for who in (_OURSELVES, *self._reporting) if who in statuses)
+        return next((f"{who}: {values[TIMELESS]}" for who, values in heard if TIMELESS in values), "")
+
+    @property
+    def _reporting(self) -> list[str]:
+        """Nodes whose health must be heard."""
+        return [*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)]
 
     def _same_cameras(self, folder: CampaignFolder) -> None:
         """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
