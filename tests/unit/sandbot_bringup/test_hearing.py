@@ -336,3 +336,19 @@ def test_no_trial_begins_whose_stamps_would_show_1970(hearing, node, tmp_path, w
     )
     with told:
         gate.before_trial(None, SimpleNamespace(path=tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("offered", "said"),
+    [
+        (False, "no node offers /robot1/clock/start in ROS_DOMAIN_ID 72"),
+        (True, "no node publishes /robot1/leg_states in"),
+    ],
+)
+def test_where_no_node_was_found_is_told(hearing, node, offered, said):
+    """Nodes may run in another domain or namespace."""
+    node.publishers[topics.LEG_STATES.relative] = []
+    node.get_namespace, node.context = lambda: "/robot1", SimpleNamespace(get_domain_id=lambda: 72)
+    orders = SimpleNamespace(is_offered=lambda _: offered)
+    with pytest.raises(InputError, match=f"{said}.*; start the nodes with: ros2 launch"):
+        Gate(node, hearing, orders, lambda condition, _: condition()).find_nodes()

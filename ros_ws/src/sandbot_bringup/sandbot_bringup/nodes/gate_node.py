@@ -47,10 +47,10 @@ class Gate:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
             if not self._wait(partial(self._orders.is_offered, name), DISCOVERY_S):
-                raise InputError(f"no node offers {name}; {_START_THEM}")
+                raise self._nobody("offers", name)
         for topic in (topics.LEG_STATES, topics.COM):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
-                raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
+                raise self._nobody("publishes", topic.name)
         # The service is not enough: a preparation fails at once before the bed has received a height reading.
         if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
             unheard = endpoints.unheard(self._node, topics.BED_HEIGHT)
@@ -65,6 +65,11 @@ class Gate:
         if not self._wait(lambda: set(self._required) <= self._hearing.statuses.keys(), DISCOVERY_S):
             missing = next(name for name in self._required if name not in self._hearing.statuses)
             raise InputError(f"the {missing} does not report its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
+
+    def _nobody(self, does: str, name: str) -> InputError:
+        """With domain and namespace: nodes that run in another one are not seen from here."""
+        space, domain = self._node.get_namespace().rstrip("/"), self._node.context.get_domain_id()
+        return InputError(f"no node {does} {space}{name} in ROS_DOMAIN_ID {domain}; {_START_THEM}")
 
     def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
         """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
