@@ -352,3 +352,21 @@ def test_where_no_node_was_found_is_told(hearing, node, offered, said):
     orders = SimpleNamespace(is_offered=lambda _: offered)
     with pytest.raises(InputError, match=f"{said}.*; start the nodes with: ros2 launch"):
         Gate(node, hearing, orders, lambda condition, _: condition()).find_nodes()
+
+
+@pytest.mark.parametrize(
+    ("lossless_s", "free_mib", "needed_mib"), [(0.0, 299, 300), (20.0, 1400, 1471), (20.0, 1472, 0)]
+)
+def test_no_trial_begins_whose_film_would_fill_the_disk(
+    hearing, node, tmp_path, monkeypatch, lossless_s, free_mib, needed_mib
+):
+    """Two cameras of 640x480 px at 100 Hz: 58.6 MiB a second."""
+    monkeypatch.setattr(gate_node.shutil, "disk_usage", lambda _: SimpleNamespace(free=free_mib << 20))
+    monkeypatch.setattr(gate_node, "check_room", lambda: None)
+    (tmp_path / "cameras.yaml").write_text(config_file("cameras.yaml").read_text())
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    said = f"only {free_mib} MiB free, the next trial needs {needed_mib}"
+    with pytest.raises(CampaignEnds, match=said) if needed_mib else nullcontext():
+        gate.before_trial(None, SimpleNamespace(path=tmp_path), lossless_s)

@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 
 from sandbot_bed.protocol import ProtocolParameters, Stage
 from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
-from sandbot_bringup.folder import CampaignFolder, frames_kept
+from sandbot_bringup.folder import CampaignFolder, frames_kept, lossless_s
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.nodes.desk_node import Desk
 from sandbot_bringup.nodes.gate_node import DISCOVERY_S, Gate
@@ -174,7 +174,7 @@ class Operator(Node):
         # After a standstill another campaign may have begun, and is heard within this time.
         self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
-        self._gate.before_trial(self._bed, folder)
+        self._gate.before_trial(self._bed, folder, lossless_s(self._plan, trial))
         self._orders.await_answers()
         self._running, self._begun_s = trial.trial_id, time.monotonic()
         self._set_up(trial)

@@ -24,7 +24,7 @@ from sandbot_tracking.calibration import checksum, read_cameras
 DISCOVERY_S = 20.0
 """The longest that nodes which just started take to be discovered on a busy machine."""
 FREE_BYTES = 300 << 20
-"""Free space needed before a trial; the recorder itself stops at 200 MiB."""
+"""Free space needed before a trial without frames; the recorder itself stops at 200 MiB."""
 FORGOTTEN_S = 30.0
 """A killed process stays in DDS's graph for 20 s; one of another name counts as a publisher until then."""
 PACE_S = 0.5
@@ -71,8 +71,11 @@ class Gate:
         space, domain = self._node.get_namespace().rstrip("/"), self._node.context.get_domain_id()
         return InputError(f"no node {does} {space}{name} in ROS_DOMAIN_ID {domain}; {_START_THEM}")
 
-    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
-        """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
+    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder, lossless_s: float = 0.0) -> None:
+        """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not.
+
+        ``lossless_s``: how long frames are stored lossless in it, which fills a disk sooner than anything else.
+        """
         self._hearing.require(self._reporting)
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._with_remedy(self._hearing.missing()[0])
@@ -97,8 +100,8 @@ class Gate:
             raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
         with writing(folder.path):
             free = shutil.disk_usage(folder.path).free
-        if free < FREE_BYTES:
-            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+        if free < (needed := FREE_BYTES + (round(lossless_s * _film_bytes_s(folder)) if lossless_s else 0)):
+            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, the next trial needs {needed >> 20}")
         try:
             check_room()
         except InputError as error:
@@ -160,3 +163,9 @@ class Gate:
 
     def _is_published(self, topic: topics.Topic) -> bool:
         return bool(self._node.count_publishers(topic.relative))
+
+
+def _film_bytes_s(folder: CampaignFolder) -> float:
+    """Bytes a second of both cameras' frames, uncompressed."""
+    cameras = read_cameras(folder.path / "cameras.yaml").values()
+    return sum(camera.width * camera.height * camera.frame_rate_hz for camera in cameras)
