@@ -26,6 +26,8 @@ CLOCK, BY_THE_LED = "clock", "by the LED"
 """Of a camera: how its clock was set to the robot's time, and the one way that is exact."""
 LED_EDGES, CLOCK_JUMPS = "led_edges", "clock_jumps"
 """Of a camera: flashes seen, and how often its clock disagreed with them."""
+MISSING = "missing"
+"""Of a camera: markers that were not found, those of all frames together."""
 MOVED_PX = "moved_px"
 """Of a camera: how far it has moved since the legs of this trial began to walk [px]; 0 if it stands still."""
 
