@@ -93,7 +93,7 @@ def test_another_trial_begins_with_nothing_measured():
     made.set_trial('{"trial_id": "a", "start": "1"}')
     made.values["lift_m"] = 0.01
     made.measured.add(1.0, 0.1)
-    made.set_bed({"stage": "settle", "phi": "0.6", "height_m": "0.1", "pulses": "3"})
+    made.set_bed({"stage": "settle", "phi": "0.6", "height_m": "0.1", "pulses": "3"}, 0.0)
     made.set_trial('{"trial_id": "a", "start": "1"}')  # told once more
     assert made.snapshot(2.0)["values"] == {"lift_m": 0.01}
     made.set_trial('{"trial_id": "a", "start": "2"}')  # repeated
@@ -125,7 +125,7 @@ def test_the_bed_packs_a_point_a_pulse_and_begins_anew_with_the_next_preparation
 def test_target_and_tolerance_are_those_of_the_bed():
     made = console()
     assert made.snapshot(0.0)["packing"] == {"points": [], "target_phi": None, "tolerance": None}
-    made.set_bed({"stage": "idle", "target_phi": "0.605"})
+    made.set_bed({"stage": "idle", "target_phi": "0.605"}, 0.0)
     made.set_node("bed", 0, "ok", {"tolerance": "0.001"}, 0.0)
     assert made.snapshot(0.0)["packing"] == {"points": [], "target_phi": 0.605, "tolerance": 0.001}
 
@@ -177,6 +177,19 @@ def test_a_curve_is_kept_under_the_phi_that_was_meant():
     assert list(made.snapshot(0.0)["curves"]) == ["0.6050"]
     made.set_trial('{"trial_id": "a", "phi_target": 0.605, "campaign": "another"}')
     assert made.snapshot(0.0)["curves"] == {}
+
+
+@pytest.mark.parametrize(("age_s", "since"), [(1.9, ""), (7.0, ", 7 s ago")])
+def test_a_stage_that_was_told_long_ago_says_so_beside_what_legs_and_air_do(age_s, since):
+    """Of a bed that was killed it said fluidise for good, of a late campaign that it prepares the bed as legs moved."""
+    made = console()
+    made.set_bed({"stage": "fluidise", "phi": "0.6"}, 10.0)
+    made.set_campaign('{"stage": "preparing the bed", "state": "running"}', 10.0)
+    snapshot = made.snapshot(10.0 + age_s)
+    assert snapshot["bed"] == {"stage": f"fluidise{since}", "phi": "0.6"}
+    assert snapshot["campaign"] == {"stage": f"preparing the bed{since}", "state": "running", "age_s": age_s}
+    made.set_campaign('{"stage": "", "state": "held"}', 10.0)  # it has none while it is held
+    assert made.snapshot(10.0 + age_s)["campaign"]["stage"] == ""
 
 
 def test_a_snapshot_is_json_without_nan():

@@ -9,7 +9,7 @@ import pytest
 from sandbot_bringup import folder as folders
 from sandbot_bringup.batch import Setup, run_trial, seal
 from sandbot_bringup.config import files_of
-from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
+from sandbot_bringup.folder import CampaignFolder, frames_kept, lossless_s, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
@@ -170,6 +170,12 @@ def test_frames_are_kept_as_the_plan_says(images: str, of_sample: str, of_others
     sample = sample_trial(plan)
     assert frames_kept(plan, sample) == of_sample
     assert {frames_kept(plan, one) for one in trials_of(plan) if one != sample} == {of_others}
+
+
+@pytest.mark.parametrize(("images", "stored"), [("video", True), ("raw", True), ("jpeg", False), ("one", False)])
+def test_only_lossless_frames_need_room_of_their_own(images: str, stored: bool) -> None:
+    plan = dataclasses.replace(PLAN, images=images, standing_s=1.0, min_duration_s=5.0, periods=3.0)
+    assert lossless_s(plan, sample_trial(plan)) == 6.0 * stored
 
 
 def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,6 @@
 """What a campaign makes of what it hears, and what the gate does about it: without a graph."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,12 +9,13 @@ import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
 from sandbot_bringup.endings import CampaignEnds
+from sandbot_bringup.nodes import gate_node
 from sandbot_bringup.nodes.gate_node import Gate
 from sandbot_bringup.nodes.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
-from sandbot_common.health import CALIBRATION, PROCESS
+from sandbot_common.health import CALIBRATION, PROCESS, TIMELESS
 from sandbot_common.ros.endpoints import NAMELESS
 from sandbot_tracking.calibration import cameras_from_mapping, checksum
 
@@ -305,3 +307,66 @@ def test_a_second_bed_that_is_about_to_be_refused_changes_nothing(hearing, node,
     assert reports("fluidise", "5") == ("fluidise", "5")
     node.publishers.clear()
     assert reports("idle", "0") == ("idle", "0")
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_no_trial_begins_whose_recorder_could_not_be_heard_for_full_shared_memory(
+    hearing, node, tmp_path, monkeypatch, full
+):
+    def check():
+        if full:
+            raise InputError("/dev/shm is full")
+
+    monkeypatch.setattr(gate_node, "check_room", check)
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    with pytest.raises(CampaignEnds, match="/dev/shm is full, then start") if full else nullcontext():
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
+
+
+@pytest.mark.parametrize("who", ["tracker", "campaign", "scene"])
+def test_no_trial_begins_whose_stamps_would_show_1970(hearing, node, tmp_path, who):
+    hearing._on_diagnostics(messages.diagnostics(0, who, {TIMELESS: "nobody publishes /clock"}, level=1))
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    told = (
+        nullcontext() if who == "scene" else pytest.raises(CampaignEnds, match=f"{who}: nobody publishes /clock; set")
+    )
+    with told:
+        gate.before_trial(None, SimpleNamespace(path=tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("offered", "said"),
+    [
+        (False, "no node offers /robot1/clock/start in ROS_DOMAIN_ID 72"),
+        (True, "no node publishes /robot1/leg_states in"),
+    ],
+)
+def test_where_no_node_was_found_is_told(hearing, node, offered, said):
+    """Nodes may run in another domain or namespace."""
+    node.publishers[topics.LEG_STATES.relative] = []
+    node.get_namespace, node.context = lambda: "/robot1", SimpleNamespace(get_domain_id=lambda: 72)
+    orders = SimpleNamespace(is_offered=lambda _: offered)
+    with pytest.raises(InputError, match=f"{said}.*; start the nodes with: ros2 launch"):
+        Gate(node, hearing, orders, lambda condition, _: condition()).find_nodes()
+
+
+@pytest.mark.parametrize(
+    ("lossless_s", "free_mib", "needed_mib"), [(0.0, 299, 300), (20.0, 1400, 1471), (20.0, 1472, 0)]
+)
+def test_no_trial_begins_whose_film_would_fill_the_disk(
+    hearing, node, tmp_path, monkeypatch, lossless_s, free_mib, needed_mib
+):
+    """Two cameras of 640x480 px at 100 Hz: 58.6 MiB a second."""
+    monkeypatch.setattr(gate_node.shutil, "disk_usage", lambda _: SimpleNamespace(free=free_mib << 20))
+    monkeypatch.setattr(gate_node, "check_room", lambda: None)
+    (tmp_path / "cameras.yaml").write_text(config_file("cameras.yaml").read_text())
+    gate = Gate(node, hearing, None, lambda condition, _: condition())
+    gate._pace = gate._same_cameras = lambda _: None
+    hearing.missing = list
+    said = f"only {free_mib} MiB free, the next trial needs {needed_mib}"
+    with pytest.raises(CampaignEnds, match=said) if needed_mib else nullcontext():
+        gate.before_trial(None, SimpleNamespace(path=tmp_path), lossless_s)

@@ -15,7 +15,7 @@ from sandbot_bringup import folder as folders
 from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.nodes import orders_node
+from sandbot_bringup.nodes import campaign_node, orders_node
 from sandbot_bringup.nodes.campaign_node import Operator, keep_complete
 from sandbot_bringup.nodes.hearing_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
@@ -98,14 +98,25 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
 def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
     one = operator()
     one._wait = lambda *_: False
-    one._hearing = SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=reports)
+    silent = {"motion_start_ns": None, "robot_warns": ""}
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=reports, **silent)
     with pytest.raises(TrialFailed, match=f"the clock was started but {said}"):
+        one._walk(TRIAL)
+
+
+def test_a_robot_that_warns_and_does_not_move_is_left_to_a_person():
+    one = operator()
+    one._wait, one._spin_until = lambda *_: False, lambda *_: False
+    one.hold, one.desk = Hold(), SimpleNamespace(attended=True)
+    silent = {"motion_start_ns": None, "robot_warns": "rig: emergency stop"}
+    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=True, **silent)
+    with pytest.raises(Held, match=r"the robot does not move as it is told \(rig: emergency stop\)"):
         one._walk(TRIAL)
 
 
 def heard_of_bed(preparation, stage, text=""):
     """Legs that report rest, and a bed's last message."""
-    bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text}
+    bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text, "robot_warns": ""}
     return SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=True, **bed)
 
 
@@ -230,6 +241,28 @@ def test_a_campaign_that_was_suspended_commands_nothing_when_it_wakes(held_s):
     one._make_safe()
     one.restore_settings()
     assert bool(renewed) is bool(sent) is bool(one._orders.values) is (not held_s)
+
+
+@pytest.mark.parametrize("refused", ["another campaign is running already", ""])
+def test_a_second_campaign_ends_before_it_offers_a_lease_or_makes_a_folder(monkeypatch, refused):
+    """Its nodes had been heard, the other campaign had not: it made a folder, and was refused at its first trial."""
+    monkeypatch.setattr(campaign_node, "publisher", lambda *_: "lease")
+    one = operator()
+    one._gate, one._recorder, one.hold = SimpleNamespace(find_nodes=lambda: None), None, Hold()
+    one._stop, one._health = SimpleNamespace(asked=False), SimpleNamespace(settled=False, refused="")
+
+    def spin(condition, _):
+        assert not condition()
+        vars(one._health).update(settled=not refused, refused=refused)
+        return condition()
+
+    one._spin_until = spin
+    if refused:
+        with pytest.raises(CampaignEnds, match=refused):
+            one.find_nodes()
+    else:
+        one.find_nodes()
+    assert one._lease == (None if refused else "lease")
 
 
 @pytest.mark.ros

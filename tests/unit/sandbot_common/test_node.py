@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 
 from sandbot_common import messages, process
 from sandbot_common.errors import InputError
+from sandbot_common.health import TIMELESS
 from sandbot_common.parameters import parameter
 from sandbot_common.ros import node, ros_health, ros_parameters
 from sandbot_common.standstill import Standstill
@@ -269,6 +270,31 @@ def health_of(process, since_ns):
     health = ros_health.Health.__new__(ros_health.Health)
     health._process, health._since_ns, health._awake, health.refused = process, since_ns, Standstill(), ""
     return health
+
+
+@pytest.mark.parametrize(
+    ("simulated", "publishers", "level", "said"),
+    [
+        (True, 0, 0, (1, "use_sim_time is set, but nobody publishes /clock: stamps show 1970")),
+        (True, 0, 2, (2, "stopped")),  # a fault takes precedence
+        (True, 1, 0, (0, "ok")),
+        (False, 0, 0, (0, "ok")),
+    ],
+)
+def test_a_node_whose_time_nobody_publishes_says_so(simulated, publishers, level, said):
+    health, sent = health_of("", 1), []
+    health.level, health.text, health.ended = level, "stopped" if level else "ok", ""
+    health._publisher = SimpleNamespace(publish=sent.append)
+    health._node = SimpleNamespace(
+        get_name=lambda: "tracker",
+        get_clock=lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=0)),
+        get_parameter=lambda _: SimpleNamespace(value=simulated),
+        count_publishers=lambda _: publishers,
+    )
+    health._publish({})
+    (status,) = sent[0].status
+    assert (status.level[0], status.message) == said
+    assert (TIMELESS in messages.values_of(status)) is (simulated and not publishers)
 
 
 @pytest.mark.parametrize(("earlier_ns", "older"), [(0, False), (1000, True)])

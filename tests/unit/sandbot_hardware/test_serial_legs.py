@@ -44,7 +44,9 @@ def legs():
     one._order, one._partners, one._port, one._lease = topics.LEGS, Nobody(), Nobody(), Lease(60.0)
     one._rivals, one._moving, one._lapsed = Nobody(), False, False
     one.get_logger = lambda: type("Log", (), {"error": lambda *_: None})
-    one._sent = one._refused = 0
+    one._sent = one._refused = one._watchdog = one._watchdog_before = 0
+    one._said = []
+    one._health = SimpleNamespace(publish=lambda: one._said.append(one._why))
     one._least_ns, one._why, one._held, one._commanded_ns, one._commanded = 0, "", [], 0, SIX
     one._device_clock, one._states = DeviceClock(), SimpleNamespace(publish=lambda _: None)
     one._host_clock, one._ahead_ns = HostClock(), 0
@@ -115,6 +117,26 @@ def test_a_driver_that_comes_in_mid_gait_moves_nothing_until_told_rest_and_then_
     assert decode(legs._port.written.pop()[:-1]).values[1:] == (0.25,) * 6 + (0.0,) * 6
     legs._on_setpoint(messages.joint_state(3, topics.LEGS, 50 * SIX, SIX, SIX))
     assert legs._moving
+
+
+def test_what_stopped_the_legs_is_said_at_once_and_until_they_walk_again(legs):
+    """A campaign asks as soon as they rest, and has the clock say rest, which cleared it before it was said."""
+
+    def send(rate):
+        legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, rate * SIX, SIX))
+
+    for rate in (0.0, 8.0):
+        send(rate)
+    legs._heard(Line("W", (1,)), 1)
+    send(0.0)
+    assert legs._why == "legs stopped: their controller heard no set-point in time"
+    assert legs._said == [legs._why]
+    assert not legs._moving
+    send(8.0)
+    assert legs._moving  # the walk after it is another
+    assert legs._why == ""
+    send(8.0)
+    assert legs._said[1:] == []
 
 
 def test_a_walk_begins_within_the_lease_of_a_word_of_rest(legs):

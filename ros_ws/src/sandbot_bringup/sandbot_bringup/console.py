@@ -189,6 +189,7 @@ class Console:
     curves: dict[str, Any] = field(default_factory=dict)
     pictures: dict[str, dict[str, Any]] = field(default_factory=dict)
     log: deque[Mapping[str, str]] = field(default_factory=lambda: deque(maxlen=LOG_LINES))
+    _bed_s: float = -math.inf
     _campaign_s: float = -math.inf
     _walking_since_s: float = math.inf
 
@@ -212,8 +213,9 @@ class Console:
             self.curves.clear()
         self.trial = trial
 
-    def set_bed(self, values: Mapping[str, str]) -> None:
+    def set_bed(self, values: Mapping[str, str], now_s: float) -> None:
         """Set the values of /bed/status."""
+        self._bed_s = now_s
         self.bed.update(values)
         self.packing.add(values)
 
@@ -253,6 +255,7 @@ class Console:
         """The whole state as plain values for JSON (no NaN)."""
         zero_s = max(self.measured.latest_s, self.predicted.latest_s)
         safety = self.safety.statement(now_s)
+        bed_age_s, campaign_age_s = now_s - self._bed_s, now_s - self._campaign_s
         return {
             "topics": {
                 name: arrivals.health(now_s, self.latched[name], self._expected(name))
@@ -261,13 +264,15 @@ class Console:
             "nodes": {name: one.shown(name, now_s) for name, one in sorted(self.nodes.items())},
             "speed": {"measured": self.measured.columns(zero_s), "predicted": self.predicted.columns(zero_s)},
             "values": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
-            "bed": dict(self.bed),
+            "bed": _dated(self.bed, bed_age_s),
             "packing": {"points": self.packing.points, **self._target()},
             "trial": dict(self.trial),
             "safety": {"state": safety.state, "text": safety.text},
             "timing": self._timing(now_s),
             "recorder": self._recorder(now_s),
-            "campaign": {**self.campaign, "age_s": round(now_s - self._campaign_s, 1)} if self.campaign else {},
+            "campaign": _dated(self.campaign, campaign_age_s) | {"age_s": round(campaign_age_s, 1)}
+            if self.campaign
+            else {},
             "curves": self.curves,
             "pictures": dict(self.pictures),
             "log": list(self.log),
@@ -324,6 +329,12 @@ def _json(text: str, where: str) -> Any:
     except (InputError, ValueError):
         return None
     return content
+
+
+def _dated(status: Mapping[str, Any], age_s: float) -> dict[str, Any]:
+    """The status, with the age of its stage if it is old: what legs and air do meanwhile may contradict it."""
+    old = age_s > SILENT_S and status.get("stage")
+    return {**status, "stage": f"{status['stage']}, {age_s:.0f} s ago"} if old else dict(status)
 
 
 def _or_none(value: float) -> float | None:

@@ -206,6 +206,12 @@ def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
     return "jpeg" if trial.trial_id == sample_trial(plan).trial_id else "none"
 
 
+def lossless_s(plan: Plan, trial: PlannedTrial) -> float:
+    """How long a trial's frames are stored lossless [s]; 0 if they are not."""
+    lossless = frames_kept(plan, trial) in ("video", "raw")
+    return plan.standing_s + plan.duration_s(trial.omega_rad_s) if lossless else 0.0
+
+
 def _same(present: Plan, given: Plan) -> bool:
     """Whether two plans are of the same campaign, whose extra trials and budget may grow."""
     return dataclasses.replace(given, extra_trials=present.extra_trials, budget=present.budget) == present

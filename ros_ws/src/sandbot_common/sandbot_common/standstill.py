@@ -21,6 +21,8 @@ OLD, BEGUN, STOPPED = (
         ("stopped just now", STOPPED_S),
     )
 )
+RAN = "stopped"
+"""The answer of /clock/stop if the clock ran until then."""
 REFUSED_S = {OLD: AWAKE_S, BEGUN: BEGUN_S, STOPPED: STOPPED_S}
 """For how long nothing may begin, by the reason."""
 

@@ -29,6 +29,25 @@ def test_cameras_must_see_the_led_of_each_trial_once_they_have_seen_one():
     assert moved == "the lateral camera moved by 10.0 px during the trial (moved_px)"
 
 
+@pytest.mark.parametrize(
+    ("dorsal", "lateral", "blind"),
+    [
+        ((400, 400), (400, 0), "dorsal"),
+        ((400, 0), (400, 800), "lateral"),
+        ((400, 399), (400, 799), ""),
+        ((400, 0), (400, 400), ""),  # one of its two was hidden
+        ((0, 0), (0, 0), ""),
+    ],
+)
+def test_a_camera_that_never_shows_the_robot_is_named(dorsal, lateral, blind):
+    """Two cameras whose names were exchanged: tracking lost, it said, without a centre of mass."""
+    before = {"dorsal_frames": "70", "dorsal_missing": "70", "lateral_frames": "70", "lateral_missing": "140"}
+    grown = zip(before, (*dorsal, *lateral), strict=True)
+    after = {name: str(int(before[name]) + more) for name, more in grown}
+    said = camera_fault(before, after)
+    assert said.startswith(f"the {blind} camera shows no marker in any frame") if blind else not said
+
+
 @pytest.mark.parametrize("odd", ["", "abc", "nan", "0", "1.5", "-3", "1" * 5000])
 def test_what_a_tracker_says_that_is_no_number_ends_no_campaign(odd):
     before, after = eyes(2), eyes(3) | SAW

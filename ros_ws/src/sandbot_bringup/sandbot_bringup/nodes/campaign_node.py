@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 
 from sandbot_bed.protocol import ProtocolParameters, Stage
 from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
-from sandbot_bringup.folder import CampaignFolder, frames_kept
+from sandbot_bringup.folder import CampaignFolder, frames_kept, lossless_s
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.nodes.desk_node import Desk
 from sandbot_bringup.nodes.gate_node import DISCOVERY_S, Gate
@@ -43,6 +43,7 @@ from sandbot_common.ros.endpoints import publisher
 from sandbot_common.ros.node import spin_once
 from sandbot_common.ros.ros_health import Health
 from sandbot_common.ros.ros_parameters import refuse_parameters
+from sandbot_common.standstill import RAN
 from sandbot_common.stop import Stop
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -145,7 +146,9 @@ class Operator(Node):
     def find_nodes(self) -> None:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         self._gate.find_nodes()
-        # By now another campaign would have been heard. From here on clock and bed obey only this one.
+        # The nodes may be heard sooner than another campaign, beside which this one must not make a folder.
+        self._wait(lambda: self._health.settled, math.inf)
+        # From here on clock and bed obey only this one.
         self._lease = publisher(self, topics.OPERATOR_LEASE)
 
     def await_go(self) -> None:
@@ -171,7 +174,7 @@ class Operator(Node):
         # After a standstill another campaign may have begun, and is heard within this time.
         self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
-        self._gate.before_trial(self._bed, folder)
+        self._gate.before_trial(self._bed, folder, lossless_s(self._plan, trial))
         self._orders.await_answers()
         self._running, self._begun_s = trial.trial_id, time.monotonic()
         self._set_up(trial)
@@ -302,6 +305,8 @@ class Operator(Node):
         legs.may_move = True
         self._start(LEGS, "/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
+            if why := legs.robot_warns:
+                self._stopped_by_hand(f"the robot does not move as it is told ({why})")
             moved = "no leg moved" if legs.reports_legs else "whether a leg moved is not known: nothing is heard"
             raise TrialFailed(f"the clock was started but {moved} ({topics.LEG_STATES.name})")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
@@ -351,16 +356,29 @@ class Operator(Node):
         self._wait(lambda: tracker.heard_since("tracker", asked_s, topics.DIAGNOSTICS.name), CALL_S)
 
     def _explain_rest(self) -> None:
-        """Legs came to rest in mid-trial: a fault ends the trial, a stop by hand the campaign."""
-        self._commanding = False
-        # The node that reports the legs may have noticed before us that the clock is gone.
+        """Legs came to rest in mid-trial: a fault ends the trial; a stop by hand, or of the robot, the campaign."""
         hearing = self._hearing
-        self._spin_until(lambda: bool(hearing.clock_fault or self._fault()) or self.hold.now, EXPLAIN_S)
+        hearing.watch()  # a clock that was stopped is rightly silent on /leg_setpoints
+        # Still under the lease: a clock that loses it stops, and can't say any more that legs rested while it ran.
+        clock_ran = self._orders.words("/clock/stop") == RAN
+        self._commanding = False
+
+        def fault() -> str:
+            # The node that reports the legs may have noticed before us that the clock is gone.
+            return self._fault() or hearing.clock_fault or hearing.robot_lapsed
+
+        self._spin_until(lambda: bool(fault()) or self.hold.now, EXPLAIN_S)
         if self.hold.now:
             raise Held(self.hold.why)
-        if fault := self._fault() or hearing.clock_fault:
-            raise TrialFailed(fault)
-        self._stopped_by_hand("the legs were stopped by hand")
+        if why := fault():
+            raise TrialFailed(why)
+        self._stopped_by_hand(self._robot_stopped if clock_ran else "the legs were stopped by hand")
+
+    @property
+    def _robot_stopped(self) -> str:
+        """What is known of a robot that came to rest while the clock moved it: perhaps by a hand on its own switch."""
+        why = self._hearing.robot_warns or "its emergency stop, or its own watchdog?"
+        return f"the robot stopped by itself while it was told to move ({why})"
 
     def _stopped_by_hand(self, what: str) -> NoReturn:
         """Somebody stopped legs or air, perhaps without telling us yet: hold until they say go, or end the campaign."""

@@ -246,7 +246,7 @@ class ConsoleNode(Node):
 
     def _on_bed(self, message: Any) -> None:
         for status in message.status:
-            self._state.set_bed(messages.values_of(status))
+            self._state.set_bed(messages.values_of(status), time.monotonic())
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

@@ -15,20 +15,22 @@ from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
-from sandbot_common.health import CALIBRATION
+from sandbot_common.health import CALIBRATION, TIMELESS
 from sandbot_common.ros import endpoints
 from sandbot_common.ros.endpoints import NAMELESS, names_of
+from sandbot_common.shared_memory import check_room
 from sandbot_tracking.calibration import checksum, read_cameras
 
 DISCOVERY_S = 20.0
 """The longest that nodes which just started take to be discovered on a busy machine."""
 FREE_BYTES = 300 << 20
-"""Free space needed before a trial; the recorder itself stops at 200 MiB."""
+"""Free space needed before a trial without frames; the recorder itself stops at 200 MiB."""
 FORGOTTEN_S = 30.0
 """A killed process stays in DDS's graph for 20 s; one of another name counts as a publisher until then."""
 PACE_S = 0.5
 """How long rates are measured before a trial."""
 
+_OURSELVES = "campaign"
 _REQUIRED = ("clock", "bed", "tracker")
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
@@ -45,10 +47,10 @@ class Gate:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
             if not self._wait(partial(self._orders.is_offered, name), DISCOVERY_S):
-                raise InputError(f"no node offers {name}; {_START_THEM}")
+                raise self._nobody("offers", name)
         for topic in (topics.LEG_STATES, topics.COM):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
-                raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
+                raise self._nobody("publishes", topic.name)
         # The service is not enough: a preparation fails at once before the bed has received a height reading.
         if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
             unheard = endpoints.unheard(self._node, topics.BED_HEIGHT)
@@ -64,9 +66,17 @@ class Gate:
             missing = next(name for name in self._required if name not in self._hearing.statuses)
             raise InputError(f"the {missing} does not report its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
 
-    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
-        """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not."""
-        self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)])
+    def _nobody(self, does: str, name: str) -> InputError:
+        """With domain and namespace: nodes that run in another one are not seen from here."""
+        space, domain = self._node.get_namespace().rstrip("/"), self._node.context.get_domain_id()
+        return InputError(f"no node {does} {space}{name} in ROS_DOMAIN_ID {domain}; {_START_THEM}")
+
+    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder, lossless_s: float = 0.0) -> None:
+        """Check that everything a trial needs is present, once, and alive. Raises CampaignEnds naming what is not.
+
+        ``lossless_s``: how long frames are stored lossless in it, which fills a disk sooner than anything else.
+        """
+        self._hearing.require(self._reporting)
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._with_remedy(self._hearing.missing()[0])
             raise CampaignEnds(f"{missing}, then start the campaign again to go on")
@@ -74,6 +84,8 @@ class Gate:
         if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
             where = topics.LEG_STATES.name
             raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
+        if not self._wait(lambda: not self._timeless, DISCOVERY_S):
+            raise CampaignEnds(f"{self._timeless}; set it to false, then start the campaign again to go on")
         self._same_cameras(folder)
         self._pace(bed)
         for topic in topics.COMMANDS:
@@ -88,8 +100,24 @@ class Gate:
             raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
         with writing(folder.path):
             free = shutil.disk_usage(folder.path).free
-        if free < FREE_BYTES:
-            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+        if free < (needed := FREE_BYTES + (round(lossless_s * _film_bytes_s(folder)) if lossless_s else 0)):
+            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, the next trial needs {needed >> 20}")
+        try:
+            check_room()
+        except InputError as error:
+            raise CampaignEnds(f"{error}, then start the campaign again to go on") from None
+
+    @property
+    def _timeless(self) -> str:
+        """Which node's stamps show no time, and why; an empty string if all do."""
+        statuses = self._hearing.statuses
+        heard = ((who, statuses[who].values) for who in (_OURSELVES, *self._reporting) if who in statuses)
+        return next((f"{who}: {values[TIMELESS]}" for who, values in heard if TIMELESS in values), "")
+
+    @property
+    def _reporting(self) -> list[str]:
+        """Nodes whose health must be heard."""
+        return [*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)]
 
     def _same_cameras(self, folder: CampaignFolder) -> None:
         """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
@@ -135,3 +163,9 @@ class Gate:
 
     def _is_published(self, topic: topics.Topic) -> bool:
         return bool(self._node.count_publishers(topic.relative))
+
+
+def _film_bytes_s(folder: CampaignFolder) -> float:
+    """Bytes a second of both cameras' frames, uncompressed."""
+    cameras = read_cameras(folder.path / "cameras.yaml").values()
+    return sum(camera.width * camera.height * camera.frame_rate_hz for camera in cameras)

@@ -20,7 +20,7 @@ from sandbot_bringup.supervision import (
     frames_came,
 )
 from sandbot_common import messages, topics
-from sandbot_common.health import PROCESS, has_ended
+from sandbot_common.health import LEGS_STOPPED, PROCESS, has_ended
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
 from sandbot_common.ros.endpoints import names_of, subscription
@@ -34,6 +34,7 @@ RECORDER = "recorder"
 
 _ROBOT = "robot"
 """The source of leg reports."""
+_OUR_ROBOTS = ("lab", "serial_legs")
 _CAMERAS = {view: f"{view} camera" for view in topics.VIEWS}
 _STARVED_WITH = {"lab": (_ROBOT,), "serial_legs": (_ROBOT,), "tracker": tuple(_CAMERAS.values())}
 """Who can't be heard while one of our nodes has no CPU: the robot whose legs it reports, the cameras it follows."""
@@ -223,6 +224,19 @@ class Hearing:
         clock = self.statuses.get("clock", NodeStatus())
         return f"the clock: {clock.text}" if clock.level > 1 else ""
 
+    @property
+    def robot_warns(self) -> str:
+        """What a third-party robot's driver warns of, if its health is under its node's name; else empty."""
+        drivers = {*names_of(self._publishers_of(topics.LEG_STATES.relative))} - {*_OUR_ROBOTS}
+        warnings = (f"{who}: {one.text}" for who, one in self.statuses.items() if one.level and _node(who) in drivers)
+        return next(warnings, "")
+
+    @property
+    def robot_lapsed(self) -> str:
+        """Why our own driver brought the legs to rest, as after a lost command; empty if it did not."""
+        ours = ((who, self.statuses[who].text) for who in _OUR_ROBOTS if who in self.statuses)
+        return next((f"the {who}: {text}" for who, text in ours if text.startswith(LEGS_STOPPED)), "")
+
     def _age_s(self, sign: Sign) -> float:
         return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
 
@@ -295,3 +309,8 @@ class Hearing:
             self._supervisor.heard(_CAMERAS[view], FRAMES, self.now_s)
         if self._walking:
             self.watch_walking()  # a camera may have begun
+
+
+def _node(status: str) -> str:
+    """The node of a status; many drivers add what it is about, e.g. "rig: motors"."""
+    return status.partition(":")[0]

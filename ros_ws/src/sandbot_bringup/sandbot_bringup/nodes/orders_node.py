@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_bringup.endings import StoppedByHand, TrialFailed
 from sandbot_common import topics
-from sandbot_common.ros.service import ask
+from sandbot_common.ros.service import ASK_AGAIN_S, ask
 from sandbot_common.standstill import AWAKE_S, REFUSED_S, STOPPED, STOPPED_S
 
 CALL_S = 10.0
@@ -59,6 +59,11 @@ class Orders:
             raise StoppedByHand(f"stopped by hand before {name}")
         if answer and not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
+
+    def words(self, name: str) -> str:
+        """Call a service once; the words of its answer, empty if there is none."""
+        answer = ask(self._triggers[name], Trigger.Request(), self._wait, ASK_AGAIN_S)
+        return answer.message if answer else ""
 
     def send(self, name: str) -> None:
         """Call a service without waiting for the response."""

@@ -29,6 +29,7 @@ from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import check_set
 from sandbot_common.parameters import specs
+from sandbot_common.shared_memory import check_room
 from sandbot_common.terminal import counted, filled
 from sandbot_common.worker_options import add_worker_options, refuse_worker_options, workers_of
 from sandbot_common.yaml_text import load_yaml, parse_yaml
@@ -70,10 +71,11 @@ def command(argv: Sequence[str]) -> int:
             for reason in dict.fromkeys(failures.values()):
                 print(f"{_named([trial_id for trial_id, why in failures.items() if why == reason])}: failed: {reason}")
         else:
+            check_set(time.time())
+            check_room()
             # Imported here, as the live runner starts ROS; batch and dry runs must not.
             from sandbot_bringup.nodes.live_node import run_live
 
-            check_set(time.time())
             silence_s = SILENCE_S if options.silence is None else options.silence
             queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
             # Its plan may have grown.

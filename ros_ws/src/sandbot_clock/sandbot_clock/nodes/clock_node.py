@@ -39,6 +39,7 @@ from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import LEGS, Command, Rivals
 from sandbot_common.ros.timer import Timer, watched
+from sandbot_common.standstill import RAN
 
 # Long enough to hear whether a bed's air is on before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
@@ -255,7 +256,7 @@ class ClockNode(Node):
         self._standstill.stop(time.monotonic())
         self._cancel_autostart()
         self.stop()
-        response.success, response.message = True, "stopped" if was_running else "was not running"
+        response.success, response.message = True, RAN if was_running else "was not running"
         return response
 
     def _on_home(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

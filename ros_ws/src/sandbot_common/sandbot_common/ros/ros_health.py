@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sandbot_common import messages, topics
-from sandbot_common.health import PROCESS, ending
+from sandbot_common.health import PROCESS, TIMELESS, ending
 from sandbot_common.process import Neighbour, own_name
 from sandbot_common.ros.endpoints import publisher, subscription
 from sandbot_common.ros.timer import Timer
@@ -19,6 +19,8 @@ from sandbot_common.typed import number_or_nan
 SETTLE_S = 0.5
 """This long after its first turn a node has heard any older one of its name: health is sent five times a second."""
 _SINCE, _WOKE = "since_ns", "woke"
+_CLOCK = "/clock"
+"""Where ROS looks for simulated time."""
 _BOOT = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """Counts while the machine is suspended, too."""
 
@@ -81,6 +83,9 @@ class Health:
         # Read after the figures are computed, as some nodes then set level and text.
         level, text = (2, ending(self.ended)) if self.ended else (self.level, self.text)
         values = {**figures, _SINCE: self._since_ns, PROCESS: self._process}
+        if why := _timeless(self._node):
+            values[TIMELESS] = why
+            level, text = (level, text) if level else (1, why)
         if math.isfinite(self._woke):
             values[_WOKE] = round(self._woke)
         now_ns = self._node.get_clock().now().nanoseconds
@@ -119,6 +124,12 @@ class Health:
             return max(number_or_nan(theirs), number_or_nan(values.get(_WOKE))) < max(int(ours), self._woke)
         # Both as floats, to whose precision a node is not older than itself.
         return number_or_nan(values.get(_SINCE)) < float(self._since_ns)
+
+
+def _timeless(node: Node) -> str:
+    """Why a node's stamps show no time; an empty string if they show one."""
+    waits = node.get_parameter("use_sim_time").value and not node.count_publishers(_CLOCK)
+    return f"use_sim_time is set, but nobody publishes {_CLOCK}: stamps show 1970" if waits else ""
 
 
 def _since_boot_s() -> float:

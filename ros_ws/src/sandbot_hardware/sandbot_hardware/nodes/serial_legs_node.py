@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.health import LEGS_STOPPED
 from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
 from sandbot_common.legs import check_turning
@@ -59,7 +60,7 @@ class SerialLegs(Node):
         self._states = endpoints.publisher(self, topics.LEG_STATES)
         self._led = endpoints.publisher(self, topics.SYNC_LED)
         endpoints.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
-        self._sent = self._refused = self._watchdog = 0
+        self._sent = self._refused = self._watchdog = self._watchdog_before = 0
         self._port = Port(given.device, given.baud, self._heard, self.get_logger().warning, reports="L")
         Timer(self, WATCH_S, self._watch)
 
@@ -86,12 +87,13 @@ class SerialLegs(Node):
             return
         if moving and not self._moving:
             self._partners.begin(CLOCK)
+            self._watchdog_before, self._why = self._watchdog, ""
         if not (moving or self._moving):
             # Set-points keep to the wall clock as it was when the walk began; the controller's time is never set.
             self._ahead_ns = self._host_clock.ahead_ns()
         held = self._held if self._lapsed and self._held else angles
         self._held = held
-        self._moving, self._lapsed, self._why = moving, False, ""
+        self._moving, self._lapsed = moving, False
         self._lease.renew(time.monotonic())
         self._commanded_ns, self._commanded = t_ns, angles
         self._sent += self._say(t_ns, held, rates)
@@ -120,13 +122,21 @@ class SerialLegs(Node):
         return ""
 
     def _watch(self) -> None:
-        if self._moving and (why := self._rivals.fault() or self._partners.lost(CLOCK, self._lease, "no set-point")):
+        if self._moving and (why := self._rivals.fault() or self._lost):
             self._stop(why)
 
+    @property
+    def _lost(self) -> str:
+        """Why the legs are no longer commanded; an empty string while they are."""
+        if self._watchdog != self._watchdog_before:
+            return "their controller heard no set-point in time"
+        return self._partners.lost(CLOCK, self._lease, "no set-point")
+
     def _stop(self, why: str) -> None:
-        if not self._why:  # the first reason is the informative one
-            self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
+        if self._moving or not (self._lapsed and self._why):  # the first reason is the informative one
+            self._why = f"{LEGS_STOPPED if self._moving else 'set-point refused: '}{why}"
             self.get_logger().error(self._why)
+            self._health.publish()  # a campaign that sees the legs at rest asks why
         self._lapsed = True
         if self._moving:
             self._rest()

@@ -242,7 +242,7 @@ class LabNode(Node):
                 # In the commander's time, as its clock may be ahead of ours, and ours may have been changed since.
                 silent_ns = max(round((time.monotonic() - self._legs.renewed_s) * NANO), 1)
                 self._advance(self._trial, self._commanded_ns + silent_ns, self._held, np.zeros_like(self._held))
-            self._alarm(f"legs stopped: {why}")
+            self._alarm(f"{health.LEGS_STOPPED}{why}")
 
     def _alarm(self, text: str) -> None:
         self._health.level, self._health.text = 2, text

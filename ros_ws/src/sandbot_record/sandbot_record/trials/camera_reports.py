@@ -12,6 +12,9 @@ from sandbot_record.bags.reader import Bag
 TRACKER = "tracker"
 _MARK = TRACKER.encode() + b"\0"
 
+MARKERS = {"dorsal": 1, "lateral": 2}
+"""How many each camera shows."""
+
 Values = Mapping[str, str]
 
 
@@ -38,6 +41,18 @@ def camera_fault(before: Values, after: Values) -> str:
             return f"the {camera} camera's clock jumped, or disagrees with the LED (clock_jumps)"
         if edges and edges_after == edges:
             return f"the {camera} camera did not see the LED, so its clock is uncertain"
+    return _blind(before, after)
+
+
+def _blind(before: Values, after: Values) -> str:
+    """The camera in none of whose frames any marker was found; an empty string if there is none."""
+    for camera, markers in MARKERS.items():
+        frames, missing = (
+            health.figure(after, name) - health.figure(before, name)
+            for name in (health.of_camera(camera, what) for what in (health.FRAMES, health.MISSING))
+        )
+        if 0 < frames * markers <= missing:
+            return f"the {camera} camera shows no marker in any frame: is it covered, or exchanged with the other one?"
     return ""
 
 
