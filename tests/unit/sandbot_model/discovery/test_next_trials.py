@@ -208,7 +208,7 @@ def test_depths_below_a_millimetre_apart_are_told_apart():
 
 
 def test_frequencies_as_measured_are_no_conditions_of_their_own(drawn):
-    """An encoder reads each condition's ω a little otherwise; three trials at 15.93, 15.95 and 15.97 are one proposal."""
+    """An encoder reads each condition's ω a little otherwise; trials at 15.93 and 15.97 are one proposal."""
     trials = drawn(("stance_overlap",), seed=6)
     read = trials.omega_rad_s * (1 + 0.002 * np.random.default_rng(1).standard_normal(len(trials)))
     exact, measured = (
