@@ -31,6 +31,7 @@ from sandbot_model.discovery.assumed import assumed
 from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.each_gait import judged_by_gait
 from sandbot_model.discovery.found import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
@@ -183,6 +184,7 @@ def discover(
         found = discovering.discover(
             cells, effects, base=model, max_effects=max_effects, criteria=criteria, fit_all=fit_all, progress=progress
         )
+        found = judged_by_gait(found, trials, effects, readings, max_effects=max_effects, fit_all=fit_all)
     found = tried_with_other_gaits(found, trials, readings)
     return Found(found, trials, (*assumed(trials, cells, criteria), *notes, *cells.notes))
 
