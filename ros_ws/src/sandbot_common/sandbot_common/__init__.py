@@ -21,7 +21,7 @@ process     which process a node is, whether it is alive, real-time priority; ne
             dead_ports: those of killed nodes, which a new one should not take
 host_clock  the wall clock, and by how much it was set
 shared_memory  whether the host has enough for its nodes
-stop        an orderly end when a signal asks for it
+stop        an orderly end when a signal asks for it; interrupt: Ctrl-C where it can end a command cleanly
 lease       the right to move legs or blow air for a limited time; standstill: requests older than a stop
 health      names of the figures, and words, that nodes act on when other nodes say them on /diagnostics
 messages    numpy to standard ROS messages (no rclpy)

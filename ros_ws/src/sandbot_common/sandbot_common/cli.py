@@ -16,6 +16,7 @@ from typing import Any, NoReturn, Protocol
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output, same_file
+from sandbot_common.interrupt import ctrl_c_where_safe
 from sandbot_common.parameters import usage
 from sandbot_common.suggest import did_you_mean
 
@@ -174,11 +175,12 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     name = os.path.basename(sys.argv[0])
     speak_line_by_line()
     try:
-        # `trackway` and `ros2 run` block Ctrl-C until here, where it can be reported in one line.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        code = command(sys.argv[1:] if argv is None else argv) or 0
-        _check_output_written()
-        return code
+        with ctrl_c_where_safe(last=True):
+            # `trackway` and `ros2 run` block Ctrl-C until here, where it can be reported in one line.
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            code = command(sys.argv[1:] if argv is None else argv) or 0
+            _check_output_written()
+            return code
     except InputError as error:
         # A file name may contain a newline.
         print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)

@@ -12,7 +12,8 @@ from types import ModuleType
 from typing import Any, Protocol
 
 from sandbot_common.errors import InputError
-from sandbot_common.workers import Finished, ctrl_c_held, pool
+from sandbot_common.interrupt import ctrl_c_where_safe
+from sandbot_common.workers import Finished, pool
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """The signature of an order-preserving ``map``."""
@@ -71,10 +72,11 @@ class Processes:
             except BrokenExecutor:
                 raise InputError(self.lost) from None
 
-        try:
-            yield spread
-        finally:
-            forked.shutdown(cancel_futures=True)
+        with ctrl_c_where_safe():
+            try:
+                yield spread
+            finally:
+                forked.shutdown(cancel_futures=True)
 
     def executor(self) -> Executor:
         """Spawned workers: forked ones would inherit the state of the parent's threads (numba, DDS)."""
@@ -93,9 +95,8 @@ def _in_order(workers: Executor, pickled: Sequence[bytes]) -> Iterator[Any]:
                 done.add(finished.next())
             yield future.result()
     finally:
-        with ctrl_c_held():
-            for future in futures:
-                future.cancel()
+        for future in futures:
+            future.cancel()
 
 
 def _call(pickled: bytes) -> Any:

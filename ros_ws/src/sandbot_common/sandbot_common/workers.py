@@ -5,9 +5,8 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkContext, ForkProcess, SpawnContext, SpawnProcess
 from queue import SimpleQueue
@@ -21,14 +20,13 @@ def pool(count: int, start: Literal["fork", "spawn"], also: Callable[[], None] |
     has threads (DDS, numba), spawn is needed, which starts a fresh interpreter.
     """
     context = _Spawned() if start == "spawn" else _Forked()
-    return _Pool(count, mp_context=context, initializer=_start, initargs=(also,))
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(also,))
 
 
 class Finished:
     """Waits for futures, in the order they finish, so that Ctrl-C can end it at any moment.
 
-    ``Future.result`` and ``concurrent.futures.wait`` take locks that an interrupt can leave locked, for which the
-    pool's own thread would then wait for ever. The lock of a SimpleQueue is taken in C.
+    It is held back within ``concurrent.futures`` (see ``interrupt``), but not here: a SimpleQueue's lock is taken in C.
     """
 
     def __init__(self) -> None:
@@ -36,36 +34,11 @@ class Finished:
 
     def announce(self, future: Future[Any]) -> None:
         """Let ``next`` return this future when it is done."""
-        with ctrl_c_held():
-            future.add_done_callback(self._done.put)
+        future.add_done_callback(self._done.put)
 
     def next(self) -> Future[Any]:
         """The next future that is done."""
         return self._done.get()
-
-
-class _Pool(ProcessPoolExecutor):
-    """Takes tasks without being interrupted: in a lock of its queue, Ctrl-C would leave it locked for ever."""
-
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with ctrl_c_held():
-            return super().submit(function, *args, **kwargs)
-
-
-@contextmanager
-def ctrl_c_held() -> Iterator[None]:
-    """Ctrl-C takes effect after the block. Only the main thread can be interrupted, or change this."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    asked: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if asked:
-            signal.raise_signal(signal.SIGINT)
 
 
 class _Starts:

@@ -93,7 +93,7 @@ def _explore(argv: Sequence[str]) -> None:
     spawned = partial(pool, args.workers, "spawn", also=partial(_begin_anew, args.effects_from))
     workers = Renewed(pool(args.workers, "fork", also=_lower_priority), anew=spawned)
     # SIGTERM (from a launcher, a test) is handled like Ctrl-C.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     servers = _Servers(args, title, query, workers)
     try:
         read = servers.read()
