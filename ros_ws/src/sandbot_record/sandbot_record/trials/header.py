@@ -228,8 +228,8 @@ def _hint(name: str, header: Sequence[str]) -> str:
         if _with_unit(foreign)[1] in ("1/s", "/s"):
             return f"; {foreign!r} may be in rad/s or in Hz: write which"
         return f"; {foreign!r} has a unit that is not known; {', '.join(_factors(name))} are"
-    if len(header) == 1 and (other := re.search(r"[|:]", header[0])) and header[0].count(other[0]) > 1:
-        return f"; columns are separated by commas, semicolons, tabs or spaces, not by {other[0]!r}"
+    if len(header) == 1 and (between := re.search(r"[|:]", header[0])) and header[0].count(between[0]) > 1:
+        return f"; columns are separated by commas, semicolons, tabs or spaces, not by {between[0]!r}"
     if len(header) == 1 and " " in header[0]:
         return "; columns are separated by commas, tabs or semicolons, or by spaces where no name or value has any"
     if name == "speed_m_s" and (step := next((other for other in header if _name(other) in _STEPS), "")):
