@@ -75,11 +75,11 @@ def rivals(monkeypatch, between, trials=100):
 
 
 def measured(pair, gap, omega=9.0):
-    return NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap**2))
+    return NextTrial(0.6, omega, "speed", pair, gap, module.replicates_for(gap**2))
 
 
 def reading(pair, gap, depth_m):
-    return NextTrial(0.6, np.nan, PENETRATION, pair, gap, module._replicates(gap**2), depth_m)
+    return NextTrial(0.6, np.nan, PENETRATION, pair, gap, module.replicates_for(gap**2), depth_m)
 
 
 def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch):
