@@ -125,3 +125,27 @@ def test_what_batches_are_called_is_of_no_consequence(whole):
     total = np.nansum(cells.batch_share[..., None] * cells.batch_mean, axis=1)
     np.testing.assert_allclose(total[:, 0], cells.mean[:, 0])
     np.testing.assert_allclose(np.nansum(cells.batch_share * cells.batch_order, axis=1), cells.order, atol=1e-12)
+
+
+def with_lifts_of_swimmers(trials, change):
+    swam = trials.lift_m < 0.0015
+    return dataclasses.replace(trials, lift_m=np.where(swam, change(trials.lift_m), trials.lift_m))
+
+
+def test_lifts_that_are_cut_off_at_0_tell_nothing_of_the_zero_of_the_reading(drawn):
+    """Controls: with a negative one all count; so they do where the reading is coarse, and 0 is what was read."""
+    trials = drawn(seed=3)
+    used = np.isfinite(cells_of(trials).mean[:, Observable.lift])
+    cut = with_lifts_of_swimmers(trials, lambda lift: np.maximum(lift - 0.0002, 0.0))
+    assert (trials.lift_m < 0).sum() > 3
+    cells = cells_of(cut)
+    lost = used & np.isnan(cells.mean[:, Observable.lift])
+    assert lost.any()
+    assert (cells.mean[lost, Observable.speed] < 0.035).all()
+    assert np.isfinite(cells.mean[cells.mean[:, Observable.speed] > 0.05, Observable.lift]).all()
+    one_below = dataclasses.replace(
+        cut, lift_m=np.where(np.arange(len(cut)) == np.argmin(cut.lift_m), -1e-5, cut.lift_m)
+    )
+    coarse = dataclasses.replace(cut, lift_m=np.round(cut.lift_m, 3))
+    for other in (trials, one_below, coarse):
+        assert (np.isfinite(cells_of(other).mean[:, Observable.lift]) == used).all()

@@ -248,6 +248,28 @@ def test_zeros_for_not_measured_are_named():
     assert any("first_step_m are exactly 0" in note for note in checked(changed("first_step_m", slice(0, 40), 0.0)))
 
 
+def swimmers(lifts):
+    """The table with these lifts, again and again, of the trials that swam."""
+    swam = CLEAN.lift_m < 0.0015
+    return replace(CLEAN, lift_m=np.where(swam, np.resize(lifts, len(CLEAN)), CLEAN.lift_m))
+
+
+def test_lifts_of_swimmers_that_are_cut_off_at_0_are_named():
+    """Controls: as read, some are negative; read to 1 mm, nearly all of them are 0."""
+    cut = swimmers(np.maximum(1e-3 * np.random.default_rng(0).standard_normal(len(CLEAN)), 0.0))
+    assert any("never below, as if negative readings were set to 0" in note for note in checked(cut))
+    for lifts in (1e-3 * np.random.default_rng(0).standard_normal(len(CLEAN)), [0.0]):
+        some = swimmers(lifts)
+        some = replace(some, lift_m=np.round(some.lift_m, 3)) if len(lifts) == 1 else some
+        assert not any("lift_m is exactly 0" in note or "are exactly 0" in note for note in checked(some))
+
+
+@pytest.mark.parametrize("lift", [0.0711, 0.096])
+def test_lifts_beyond_any_leg_are_judged_without_a_warning(lift):
+    rows = [Row(f"t{i}", phi=0.6, omega_rad_s=4.0, speed_m_s=0.1, lift_m=at) for i, at in enumerate((lift, 0.04, 0.04))]
+    assert not any("height of the axles" in note for note in checked(from_rows(rows)))
+
+
 def test_coarse_rounding_is_named():
     assert any(
         "speed_m_s is rounded to 0.02" in note

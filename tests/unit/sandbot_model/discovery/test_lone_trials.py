@@ -8,6 +8,7 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.repeats import SLIP_OR_MISS
 from sandbot_model.physics.catalogue import catalogue
 
 FEW = {name: catalogue()[name] for name in ("stance_overlap", "swimming_thrust")}
@@ -33,6 +34,7 @@ def test_a_slip_that_no_replicate_shows_refuses_no_model(drawn):
     found = discover(cells_of(slipped(drawn(seed=5))), FEW, max_effects=1)
     assert found.verdict.status == "adequate"
     assert "ω 4 rad/s, which is alone in its condition and far off: repeat it" in found.verdict.because
+    assert (found.next_trials[0].omega_rad_s, found.next_trials[0].separates) == (4.0, SLIP_OR_MISS)
 
 
 @pytest.mark.whole

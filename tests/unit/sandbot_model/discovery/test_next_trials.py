@@ -75,11 +75,11 @@ def rivals(monkeypatch, between, trials=100):
 
 
 def measured(pair, gap, omega=9.0):
-    return NextTrial(0.6, omega, "speed", pair, gap, module._replicates(gap**2))
+    return NextTrial(0.6, omega, "speed", pair, gap, module.replicates_for(gap**2))
 
 
 def reading(pair, gap, depth_m):
-    return NextTrial(0.6, np.nan, PENETRATION, pair, gap, module._replicates(gap**2), depth_m)
+    return NextTrial(0.6, np.nan, PENETRATION, pair, gap, module.replicates_for(gap**2), depth_m)
 
 
 def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch):
@@ -205,3 +205,15 @@ def test_depths_are_sandbots_own_and_a_share_of_what_others_reach():
 def test_depths_below_a_millimetre_apart_are_told_apart():
     trial = NextTrial(0.6, float("nan"), PENETRATION, ("a", "b"), 3.0, 2, 0.00348)
     assert trial.where == "φ 0.600, 0.35 cm deep"
+
+
+def test_frequencies_as_measured_are_no_conditions_of_their_own(drawn):
+    """An encoder reads each condition's ω a little otherwise; trials at 15.93 and 15.97 are one proposal."""
+    trials = drawn(("stance_overlap",), seed=6)
+    read = trials.omega_rad_s * (1 + 0.002 * np.random.default_rng(1).standard_normal(len(trials)))
+    exact, measured = (
+        Predicted.by(compare(cells_of(replace(trials, omega_rad_s=omega)), catalogue()).fit).omega
+        for omega in (trials.omega_rad_s, read)
+    )
+    assert len(measured) == len(exact)
+    assert measured == pytest.approx(exact, rel=0.003)

@@ -78,3 +78,9 @@ def test_stiffness_far_from_the_grains_is_pointed_out(trials):
     heavy = Robot(mass_per_leg_kg=3 * SANDBOT.mass_per_leg_kg)
     found = implausible_k(fit(model_of("simple", (), {}, heavy), as_of(trials, mass_per_leg_kg=heavy.mass_per_leg_kg)))
     assert "times what a leg of this size meets in poppy seeds" in found
+
+
+def test_a_peak_of_0_for_one_that_was_not_measured_gives_no_radius(trials):
+    """No warning of a division by it either: pytest makes that an error."""
+    none = np.where(trials.speed_m_s > 0.1, 0.0, trials.peak_speed_m_s)
+    assert not any("agree on a leg radius" in doubt for doubt in doubts(cells_of(replace(trials, peak_speed_m_s=none))))

@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import verdict
-from sandbot_model.discovery.candidates import nearly_claimed
+from sandbot_model.discovery.candidates import what_it_lacks
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.verdict import (
     Verdict,
@@ -235,7 +235,7 @@ def test_a_gain_just_below_what_is_needed_is_given_with_the_digits_that_show_it(
 )
 def test_what_outweighs_an_adequate_model_says_what_it_lacks(gain, more, said):
     fits = (made(deviance=60.0), made("a", deviance=60.0 - gain, **more), made("b", deviance=59.0))
-    assert nearly_claimed({fit.effects: fit for fit in fits}, Criteria()) == said
+    assert what_it_lacks({fit.effects: fit for fit in fits}, Criteria()) == said
 
 
 def test_where_nothing_can_be_tested_nothing_is_claimed():

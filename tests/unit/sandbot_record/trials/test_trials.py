@@ -82,6 +82,12 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
             "column phi is missing; columns are separated by commas, tabs or semicolons, or by spaces where no name or",
         ),
         (
+            "phi|omega_rad_s|speed_m_s\n.6|8|.2\n",
+            r"column phi is missing; columns are separated by commas, semicolons, tabs or spaces, not by '\|'",
+        ),
+        ("phi,omega_rad_s,s/R\n.6,8,.9\n", "column speed_m_s is missing; of a step s, as in 's/R', mean speed is sω/π"),
+        ("phi,omega_rad_s,force\n.6,8,.9\n", "column speed_m_s is missing; there are: phi, omega_rad_s, force"),
+        (
             "trial_id,phi,omega_rad_s,speed_m_s\nMean,.6,8,.2\n",
             "row 2, column trial_id: 'Mean' is a summary, not a trial",
         ),

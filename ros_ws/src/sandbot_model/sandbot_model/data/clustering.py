@@ -62,6 +62,12 @@ def same_within(values: Floats, tolerance: float) -> Ints:
     return group
 
 
+def frequencies(omega: Floats) -> Floats:
+    """The distinct leg frequencies [rad/s], ascending: the mean of those that are one condition, to 0.001."""
+    group = same_within(omega, OMEGA_TOLERANCE)
+    return np.asarray(np.round(np.bincount(group, omega) / np.bincount(group), 3))
+
+
 def _criterion(squares: float, groups: Ints) -> float:
     """-2 ln classification likelihood + 3 K ln n: the entropy of the partition keeps one level from being split."""
     n, counts = len(groups), np.bincount(groups)

@@ -17,7 +17,14 @@ from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error, without_batch_effects
-from sandbot_model.data.regime import peaks_of_some, peaks_seen, starts_on_both_tripods, swam_from_start, walks
+from sandbot_model.data.regime import (
+    lifts_cut_off,
+    peaks_of_some,
+    peaks_seen,
+    starts_on_both_tripods,
+    swam_from_start,
+    walks,
+)
 from sandbot_model.data.rounding import rounding_sd, shared_rounding_variance
 from sandbot_model.data.stated_error import COLUMNS as STATED_COLUMNS
 from sandbot_model.data.stated_error import of_single_trials, stated_bars, with_stated
@@ -204,6 +211,9 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
     walking = walks(cells.means(values))
     values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
+    # Where some of a condition walked, the mean is of all its trials.
+    all_swam = np.bincount(cell, walks(values)) == 0
+    values[lifts_cut_off(values) & all_swam[cell], Observable.lift] = np.nan
     rounding = rounding_sd(values)
     values = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi, walking)
     mean, count = cells.means(values), cells.measured(values)

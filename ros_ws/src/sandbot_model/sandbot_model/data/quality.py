@@ -11,7 +11,7 @@ from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
 from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.mean_rows import LEAST_ROWS, mean_of_columns, means_of_cells
-from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, WALKING_SPEED_M_S, walks
+from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, WALKING_SPEED_M_S, lifts_cut_off, walks
 from sandbot_model.data.rounding import rounding_step
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m, step_from_lift
@@ -97,6 +97,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
         *_too_far(used, ratio),
         *_no_peaks(values),
         *_zeros(used, values),
+        *_cut_off(values),
         *_ends_of_reading(used, values),
         *_axle_heights(used, values),
         *_zero_error_bars(used),
@@ -219,7 +220,8 @@ def _ratio_to_limit(used: Trials, values: Floats) -> Floats:
     clocks, rim_speed, ones = clock([*used.gait]), robot.leg_radius_m * used.omega_rad_s, np.ones(len(used))
     fastest = rim_speed * np.maximum(clocks.slow_ratio, clocks.swing_ratio)
     limits = [2 * rim_speed / np.pi, deepest_m(robot) * ones, fastest, 2 * robot.leg_radius_m * ones]
-    return np.asarray(np.abs(values) / np.stack(limits, axis=-1))
+    with np.errstate(over="ignore"):  # legs that hardly turn reach hardly any speed
+        return np.asarray(np.abs(values) / np.stack(limits, axis=-1))
 
 
 def _impossible(used: Trials, observable: Observable, row: int, ratio: Floats) -> str:
@@ -246,18 +248,31 @@ def _too_far(used: Trials, ratio: Floats) -> list[str]:
 
 def _zeros(used: Trials, values: Floats) -> list[str]:
     """Observables that are exactly 0 in most trials, or in any that surely walked by another: a peak is so noted too
-    (``_no_peaks``)."""
+    (``_no_peaks``). Lifts of swimmers are 0."""
     found, walked = [], _surely_walked(used, values)
+    swam = values[:, Observable.speed] <= WALKING_SPEED_M_S
     for observable in Observable:
         column = values[:, observable]
         count, zero = np.isfinite(column).sum(), column == 0
         of_walkers = zero & walked[:, observable] & (observable is not Observable.peak_speed)
-        if count and (2 * zero.sum() >= count or of_walkers.any()):
+        strange = zero & ~swam if observable is Observable.lift else zero
+        if count and (2 * strange.sum() >= count or of_walkers.any()):
             those = f" though {of_walkers.sum()} of these trials walked" if of_walkers.any() else ""
             found.append(
                 f"{zero.sum()} of {count} {observable.column} are exactly 0{those}; if not measured, leave them empty"
             )
     return found
+
+
+def _cut_off(values: Floats) -> list[str]:
+    """That lifts below 0 were set to 0, so that those of swimmers are not used."""
+    cut, lift = lifts_cut_off(values), values[:, Observable.lift]
+    if not cut.any():
+        return []
+    return [
+        f"lift_m is exactly 0 in {(lift == 0).sum()} trials and never below, as if negative readings were set to 0: "
+        "lifts of conditions that swam are not used; give all as they were read"
+    ]
 
 
 def _ends_of_reading(used: Trials, values: Floats) -> list[str]:
@@ -286,9 +301,11 @@ def _axle_heights(used: Trials, values: Floats) -> list[str]:
     if not (SURE_LIFT_M < NEARLY * at_rest < least and walked.any()):
         return []
     step = np.pi * values[walked, Observable.speed] / used.omega_rad_s[walked]
-    as_given, as_heights = (
-        float(np.median(step / step_from_lift(above[walked], robot.leg_radius_m))) for above in (lift, lift - at_rest)
-    )
+    with np.errstate(divide="ignore", invalid="ignore"):  # no leg steps where the lift exceeds 2R
+        as_given, as_heights = (
+            float(np.median(step / step_from_lift(above[walked], robot.leg_radius_m)))
+            for above in (lift, lift - at_rest)
+        )
     if not as_given < LOST < as_heights:
         return []
     return [

@@ -18,6 +18,8 @@ SURE_LIFT_M = 4 * WALKING_LIFT_M
 """Lift beyond what a lift zero that is off by a grain can explain."""
 WALKING_SPEED_M_S = 0.035
 """Clearly faster than swimming (Li09: 0.02 m/s)."""
+LEAST_CUT_OFF = 3
+"""Lifts of exactly 0 that are no coincidence where others are read much more finely, and none is negative."""
 HELD_M = 0.01
 """A first step that is longer than a swimmer's by at least this was made on ground that held."""
 
@@ -68,6 +70,19 @@ def peaks_of_some(values: Array, cell: Ints) -> Bool:
     walker, swimmer = peak > WALKING_SPEED_M_S, ~walks(values) & np.isnan(peak)
     walker, swimmer = (np.bincount(cell, these) > 0 for these in (walker, swimmer))
     return np.asarray((walker & swimmer)[cell])
+
+
+def lifts_cut_off(values: Array) -> Bool:
+    """Trials ``(n,)`` of values ``(n, 4)`` that swam, in a table whose lifts are cut off at 0; none in any other.
+
+    A swimmer's lift scatters about the zero of the reading, as often below as above. Where none is negative and several
+    are exactly 0, what was below was set to 0, or nothing was read: their mean tells nothing of that zero.
+    """
+    lift = values[:, Observable.lift]
+    above = lift[lift > 0]
+    fine = 2 * len(np.unique(above)) > len(above)
+    cut = bool(not (lift < 0).any() and (lift == 0).sum() >= LEAST_CUT_OFF and fine)
+    return np.asarray(cut & np.isfinite(lift) & ~walks(values))
 
 
 def _stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:

@@ -12,8 +12,10 @@ verdict          the rules; criteria: their thresholds
   checks of a claim: calibration_error, conventions, leg_radius, lone_trials, one_observable, other_sign,
                          plausibility, smooth, stability
 assumed          what nobody said: robot, gait, cameras, bed; other_gait: whether the verdict depends on the gait
+each_gait        what the trials of each gait say by themselves
 limits, unseen   effects that are absent, or would not show; power: detectable strengths; error_rates: of the verdict
 next_trials      trials that discriminate between the surviving sets; one_value: those that trials at one ω or φ lack
+                 repeats: those that the verdict asks for again
 fingerprint      where an effect would show
 formula_search   a formula to try where no effect fits; residual, scored_terms, term_library
 """

@@ -55,14 +55,20 @@ def only_implausible(found: Iterable[Candidate], fits: Iterable[Fit], criteria: 
     return {fit.effects[0]: values for fit in suffice if (values := doubtful_values(fit))}
 
 
-def nearly_claimed(fits: Sets, criteria: Criteria) -> str:
-    """What an effect lacks for a claim if the sets with it outweigh all others; empty if there is none such."""
+def nearly_claimed(fits: Sets, criteria: Criteria) -> Fit | None:
+    """An effect that is not claimed although the sets with it outweigh all others; None if there is none such."""
     weights = bic_weights(fits)
     for key, fit in fits.items():
         heavy = len(key) == 1 and _weight_with(key[0], weights) > HEAVY
         if heavy and sound(fit) and not gains_enough(fits, key, (), criteria):
-            return f"{key[0]} {why_not_claimed(fits, fit, criteria)}"
-    return ""
+            return fit
+    return None
+
+
+def what_it_lacks(fits: Sets, criteria: Criteria) -> str:
+    """What such an effect lacks for a claim; empty if there is none."""
+    fit = nearly_claimed(fits, criteria)
+    return f"{fit.effects[0]} {why_not_claimed(fits, fit, criteria)}" if fit else ""
 
 
 def _weight_with(name: str, weights: Mapping[Names, float]) -> float:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery import one_value
+from sandbot_model.discovery import one_value, repeats
 from sandbot_model.discovery.candidates import candidates
 from sandbot_model.discovery.conventions import conventions, other_families, same_family
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -84,7 +84,8 @@ def discover(
     others = discovered(cells.without(wrong))
     if others.verdict.status in INCOMPLETE:
         return found
-    return replace(others, verdict=others.verdict.with_remarks(repeat_request(cells, wrong)))
+    verdict = others.verdict.with_remarks(repeat_request(cells, wrong))
+    return replace(others, verdict=verdict, next_trials=(*repeats.alone(cells, wrong), *others.next_trials))
 
 
 def _discovered(search: EffectSearch, max_effects: int) -> Discovery:
@@ -113,7 +114,7 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
     shifted = shift.in_words(reported, covered=any(fit.effects == (shift.effect,) for fit in rivals)) if shift else ""
     family = same_family(search, claimed, named)
     others = other_families(search, claimed, judged) if verdict.status == "identified" else []
-    proposed = _next_trials(search, verdict, without_nuisances(search, hidden))
+    proposed = _next_trials(search, verdict, without_nuisances(search, hidden), named)
     controls = {} if worthwhile(proposed.trials, criteria) else controls_of(search, verdict)
     verdict = with_p_of(reported, verdict, judged)
     verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
@@ -171,14 +172,20 @@ def _only_allowing(search: EffectSearch, found: Judged) -> str:
     return " and ".join(allowed_for(found.named, search.criteria))
 
 
-def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit]) -> Proposed:
-    """The trials to run next: those that would show ``hidden`` effects, or tell the verdict's sets apart."""
+def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit], named: Fit) -> Proposed:
+    """The trials to run next: what the verdict asks for again, then those that would show ``hidden`` effects, or tell
+    its sets apart."""
     base, alternatives = search.fits[()], [search.fits[names] for names in verdict.alternatives]
     if verdict.status == "untested":
         return Proposed(to_run(search.cells, search.model(())))
     found = trials_to_exclude(base, hidden) if hidden else Proposed(next_trials(alternatives, search.criteria))
     more = one_value.what_to_add(base) if verdict.status in one_value.WIDENED else []
-    return found._replace(trials=[*found.trials, *more])
+    again = repeats.decisive(search.fits, verdict, search.criteria)
+    again += repeats.again(repeats.odd_one_out(verdict, named), named)
+    # Between explanations that are still possible, what decides comes first.
+    asked = [*found.trials, *again] if verdict.status == "ambiguous" else [*again, *found.trials]
+    once = {(trial.condition, trial.gait): trial for trial in reversed([*asked, *more])}
+    return found._replace(trials=[*dict.fromkeys(once[trial.condition, trial.gait] for trial in [*asked, *more])])
 
 
 def _residual_formula(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sandbot_common.robot import Robot
+from sandbot_model.data.clustering import frequencies
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.fit import Fit
@@ -143,7 +144,7 @@ def _with_shared_replicates(
         ]
         # Those for other pairs may have the fewest replicates.
         given = LEAST_REPLICATES * sum(value for own, value in chi2 if not own)
-        return _replicates(sum(value for own, value in chi2 if own), given)
+        return replicates_for(sum(value for own, value in chi2 if own), given)
 
     return [replace(trial, replicates=replicates(trial)) for trial in chosen]
 
@@ -207,7 +208,7 @@ class Predicted:
     def by(cls, fit: Fit) -> "Predicted":
         """The predictions of one fit, at frequencies spaced more finely than those measured."""
         cells = fit.cells
-        phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
+        phi, omega = cells.level_phi[:, None], _finer(frequencies(cells.omega))[None, :]
         sides = [fit.predict(phi + sign * cells.phi_scatter, omega).observables for sign in (-1.0, 1.0)]
         at_phi, at_depth = np.meshgrid(cells.level_phi, depths_m(cells.robot), indexing="ij")
         force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
@@ -282,7 +283,7 @@ def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
         size = float(gap[p, w].max())
         at = (float(first.phi[p]), float(first.omega[w]))
-        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size**2), gait=first.gait))
+        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, replicates_for(size**2), gait=first.gait))
     return found
 
 
@@ -295,11 +296,11 @@ def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
         size, depth = float(gap[level].max()), float(first.depth_m[best[level]])
         at = (float(first.phi[level]), float("nan"))
-        found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size**2), depth))
+        found.append(NextTrial(*at, PENETRATION, names, size, replicates_for(size**2), depth))
     return found
 
 
-def _replicates(chi2: float, given: float = 0.0) -> int:
+def replicates_for(chi2: float, given: float = 0.0) -> int:
     """Replicates, each of which is expected to add ``chi2`` to what is ``given``, that separate a pair."""
     return max(LEAST_REPLICATES, math.ceil((SETTLED_SD**2 - given) / chi2))
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.data.clustering import OMEGA_TOLERANCE
+from sandbot_model.data.clustering import OMEGA_TOLERANCE, frequencies
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.untested import grid_of, new_conditions
@@ -35,7 +35,7 @@ def what_to_add(base: Fit) -> list[NextTrial]:
     if not (alone := single(cells)):
         return []
     phi = _wider(USUAL_K.phi, cells.level_phi) if "φ" in alone else cells.level_phi
-    omega = _wider(usual_omega(cells.robot), cells.omega) if "ω" in alone else np.unique(cells.omega)
+    omega = _wider(usual_omega(cells.robot), cells.omega) if "ω" in alone else frequencies(cells.omega)
     grid = grid_of(np.round(phi, 3), np.round(omega, 2))
     walks = base.predict(*grid.T).walking
     return new_conditions(cells, grid[walks], separates=SEPARATES[alone[0]])

@@ -151,7 +151,9 @@ def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
     """Whether peaks and steps exceed what legs do by one factor: corrected for it, lift gives robot.yaml's R."""
     radius = cells.robot.leg_radius_m
     push = _radius_by_peak(cells, mean) / radius
-    return abs(_median(_radius_by_lift(mean, step / push)) / radius - 1) < PUSH_TOLERANCE
+    with np.errstate(divide="ignore", invalid="ignore"):  # a peak of 0, for one that was not measured, gives no R
+        by_lift = _radius_by_lift(mean, step / push)
+    return abs(_median(by_lift) / radius - 1) < PUSH_TOLERANCE
 
 
 def _radius_by_peak(cells: Cells, mean: Floats) -> Array:

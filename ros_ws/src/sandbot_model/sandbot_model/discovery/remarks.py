@@ -7,9 +7,9 @@ from itertools import chain
 import numpy as np
 
 from sandbot_model.data.regime import walks
-from sandbot_model.discovery import one_value
+from sandbot_model.discovery import one_value, repeats
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
-from sandbot_model.discovery.candidates import nearly_claimed
+from sandbot_model.discovery.candidates import what_it_lacks
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.next_trials import NextTrial, Proposed
@@ -40,10 +40,10 @@ def remarked(
     controls: Mapping[str, str],
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
-    remarks = [implausible_k(search.fits[()])]
+    remarks = [implausible_k(search.fits[()]), repeats.in_words(repeats.odd_one_out(verdict, named), named)]
     if verdict.status == "adequate":
         remarks.append(too_few_walked(search.fits[()]))
-        remarks.append(nearly_claimed(search.fits, search.criteria))
+        remarks.append(what_it_lacks(search.fits, search.criteria))
     if hidden:
         remarks.append(not_excluded(hidden, proposed, search))
     if len(verdict.alternatives) > 1:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_model.data.clustering import frequencies
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import chord, deepest_m
@@ -97,7 +98,7 @@ def terms(fit: Fit) -> list[Term]:
 
 def _of_omega(omega: Array, delta_t: float) -> Iterator[Term]:
     """Ramps up and down from each measured frequency, bands about each, steps between neighbouring ones."""
-    levels = np.unique(omega.round(2))
+    levels = np.unique(frequencies(omega).round(2))
     for w in levels:
         above, below = np.maximum(omega - w, 0.0), np.maximum(w - omega, 0.0)
         at = f"ω = {w:g} rad/s"

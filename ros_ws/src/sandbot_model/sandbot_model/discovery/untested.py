@@ -1,6 +1,7 @@
 """Whether the data can test a model at all, decided before any search: enough cell means, pure error known."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -95,6 +96,11 @@ def repeats(cells: Cells) -> list[NextTrial]:
     first = int(np.argmin(_scaled(at).sum(axis=1)))
     chosen = [first, *_farthest(at, [first], min(CONDITIONS, len(cells)) - 1)]
     return [_trial(at[cell], MORE, cells.gait[cell]) for cell in sorted(chosen)]
+
+
+def repeat_of(cells: Cells, cell: int, separates: tuple[str, str], observable: str = "speed") -> NextTrial:
+    """One condition run again."""
+    return replace(_trial(_conditions(cells)[cell], MORE, cells.gait[cell], separates), observable=observable)
 
 
 def _new_conditions(cells: Cells, count: int) -> list[NextTrial]:

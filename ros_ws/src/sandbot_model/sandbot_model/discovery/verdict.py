@@ -119,7 +119,7 @@ def earns_place(fits: Sets, larger: Names, smaller: Names, criteria: Criteria = 
 def gains_enough(fits: Sets, larger: Names, smaller: Names, criteria: Criteria) -> bool:
     """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
     without the cell or level that gains most."""
-    gain = _deviance_terms(fits[smaller]) - _deviance_terms(fits[larger])
+    gain = _gain(fits[smaller], fits[larger])
     threshold = claim_threshold(fits[larger], criteria) * (len(larger) - len(smaller))
     return bool(gain.sum() > threshold and gain.sum() - gain.max() > criteria.one_cell * threshold)
 
@@ -305,14 +305,18 @@ def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
     best = best_earned(fits, criteria)
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
     missed = f"{named} still fails {p_in_words(best)}{_where_it_fails(best)}"
-    enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
-    if enough:
-        would = min(enough, key=lambda fit: (len(fit.effects), fit.bic))
+    if would := would_suffice(fits, criteria):
         tried = f"{_name(would.effects)} would fit {_within_scatter(would)}, but "
         tried += why_not_claimed(fits, would, criteria)
     else:
         tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
     return Verdict("unexplained", (), (), f"{tried}: {missed}")
+
+
+def would_suffice(fits: Sets, criteria: Criteria) -> Fit | None:
+    """The smallest set of effects, and of these the best, that shows no lack of fit; None if there is none."""
+    enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
+    return min(enough, key=lambda fit: (len(fit.effects), fit.bic), default=None)
 
 
 def _where_it_fails(fit: Fit) -> str:
@@ -341,16 +345,31 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     if doubtful_parameters(fit):
         return only_with(fit)
     part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
-    gain = _deviance_terms(fits[part]) - _deviance_terms(fit)
-    threshold = claim_threshold(fit, criteria)
+    gain = _gain(fits[part], fit)
     over = f" on top of {_name(part)}" if part else ""
-    if gain.sum() <= threshold:
+    if gain.sum() <= (threshold := claim_threshold(fit, criteria)):
         gained, needed = _told_apart(gain.sum(), threshold)
         return f"gains {gained}{over}, less than the {needed} that an effect must"
     cell = int(np.argmax(gain))
     is_cell = cell < len(fit.cells.phi)
     where = f"φ {level_name(fit.cells, cell)}, ω {fit.cells.omega[cell]:.3g} rad/s" if is_cell else "one level"
     return f"{gain.max() / gain.sum():.0%} of what it gains{over} is at {where}: run that again"
+
+
+def decided_by(fits: Sets, fit: Fit, criteria: Criteria) -> tuple[Names, int] | None:
+    """Where ``why_not_claimed`` asks for a condition to be run again: the part over which the set gains most there, and
+    the condition's cell; else None."""
+    short = [part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria)]
+    if not short or doubtful_parameters(fit):
+        return None
+    gain = _gain(fits[short[0]], fit)
+    cell = int(np.argmax(gain))
+    enough = gain.sum() > claim_threshold(fit, criteria)
+    return (short[0], cell) if enough and cell < len(fit.cells.phi) else None
+
+
+def _gain(smaller: Fit, larger: Fit) -> Array:
+    return _deviance_terms(smaller) - _deviance_terms(larger)
 
 
 def _told_apart(first: float, second: float) -> tuple[str, str]:

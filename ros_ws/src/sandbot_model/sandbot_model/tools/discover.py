@@ -73,6 +73,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.discovery.assumed import assumed, priors_assumed
     from sandbot_model.discovery.discover import discover
+    from sandbot_model.discovery.each_gait import judged_by_gait
     from sandbot_model.discovery.other_gait import tried_with_other_gaits
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.tools import answer, tables
@@ -96,6 +97,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
             cells, effects, base=args.model, max_effects=args.max_effects, criteria=arguments.criteria(args),
             fit_all=fit_all, progress=progress,
         )  # fmt: skip
+        found = judged_by_gait(found, trials, effects, readings, max_effects=args.max_effects, fit_all=fit_all)
         found = tried_with_other_gaits(found, trials, readings)
         rates = _rates(args, found, trials, effects, fit_all, progress) if args.calibrate else []
     print(answer.of_discovery(found, trials.robot), end="\n\n")

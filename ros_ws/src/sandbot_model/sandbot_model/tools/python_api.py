@@ -30,6 +30,7 @@ from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.assumed import assumed
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.each_gait import judged_by_gait
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.other_gait import tried_with_other_gaits
 from sandbot_model.discovery.result import Discovery
@@ -183,6 +184,7 @@ def discover(
         found = discovering.discover(
             cells, effects, base=model, max_effects=max_effects, criteria=criteria, fit_all=fit_all, progress=progress
         )
+        found = judged_by_gait(found, trials, effects, readings, max_effects=max_effects, fit_all=fit_all)
     found = tried_with_other_gaits(found, trials, readings)
     return Found(found, trials, (*assumed(trials, cells, criteria), *notes, *cells.notes))
 

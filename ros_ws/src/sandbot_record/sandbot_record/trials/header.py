@@ -20,6 +20,8 @@ _TIMES = frozenset({"time", "hour", "clock", "uhrzeit"})
 """Common names of columns that tell when a trial was run; of the latter, beside a date."""
 _ERROR_BARS = frozenset({"sd", "std", "se", "sem", "error", "err", "±", "+-", "+/-", "uncertainty", "upper", "lower"})
 """Common names of columns beside the speed that hold its error bar; any other has a unit of speed."""
+_STEPS = frozenset({"s", "s/r", "step", "step_length", "s_m", "s_cm", "s_mm", "step_m", "step_cm", "step_length_m"})
+"""Common names of the length of a step, as the paper plots it in Fig. 3d."""
 _QUANTITIES = {short: name for name, column in COLUMNS.items() for short in column.names}
 """Columns by their names without units."""
 _UNITS = {
@@ -226,8 +228,12 @@ def _hint(name: str, header: Sequence[str]) -> str:
         if _with_unit(foreign)[1] in ("1/s", "/s"):
             return f"; {foreign!r} may be in rad/s or in Hz: write which"
         return f"; {foreign!r} has a unit that is not known; {', '.join(_factors(name))} are"
+    if len(header) == 1 and (between := re.search(r"[|:]", header[0])) and header[0].count(between[0]) > 1:
+        return f"; columns are separated by commas, semicolons, tabs or spaces, not by {between[0]!r}"
     if len(header) == 1 and " " in header[0]:
         return "; columns are separated by commas, tabs or semicolons, or by spaces where no name or value has any"
+    if name == "speed_m_s" and (step := next((other for other in header if _name(other) in _STEPS), "")):
+        return f"; of a step s, as in {step!r}, mean speed is sω/π"
     strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
     close = near(name, strange)
     return f"; is {close!r} meant?" if close else f"; there are: {', '.join(filter(None, header))}"
