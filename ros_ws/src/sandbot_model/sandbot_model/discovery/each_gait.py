@@ -6,7 +6,7 @@ from dataclasses import replace
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.found import Discovery
+from sandbot_model.discovery.result import Discovery
 from sandbot_model.discovery.verdict import EXPLAINS_ALL, INCOMPLETE, either
 from sandbot_model.fitting.parallel import Map
 from sandbot_model.physics.effect import Effect
