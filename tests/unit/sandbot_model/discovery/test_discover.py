@@ -60,6 +60,27 @@ def test_the_sentence_has_the_p_of_the_fit_that_is_reported(drawn):
     assert told == [True, False]
 
 
+def test_limits_that_nobody_asked_for_change_nothing_else(drawn):
+    cells = cells_of(drawn(seed=5))
+    both = [discover(cells, FEW, max_effects=1, with_limits=asked).to_dict() for asked in (True, False)]
+    limited, plain = (found.pop("limits") for found in both)
+    assert limited
+    assert not plain
+    assert json.dumps(both[0]) == json.dumps(both[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "sought"), [([], 0), (["--next", "next.csv"], 0), (["--verbose"], 1), (["--json", "found.json"], 1)]
+)
+def test_the_command_seeks_limits_only_where_an_output_lists_them(options, sought, drawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    asked = []
+    monkeypatch.setattr("sandbot_model.discovery.discover.limits", lambda *of: asked.append(of) or [])
+    write_csv(drawn(seed=5), tmp_path / "trials.csv")
+    assert discover_tool.main(["trials.csv", "--max-effects", "0", "--workers", "1", *options]) == 0
+    assert len(asked) == sought
+
+
 def test_what_would_not_show_is_listed_so_and_has_no_limit(drawn):
     effects = {name: catalogue()[name] for name in ("stance_overlap", "depth_nonlinearity")}
     found = discover(cells_of(drawn(seed=5)), effects, max_effects=1)

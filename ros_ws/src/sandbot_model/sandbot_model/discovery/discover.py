@@ -66,17 +66,19 @@ def discover(
     criteria: Criteria = DEFAULT,
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
+    with_limits: bool = True,
 ) -> Discovery:
     """Search the catalogue.
 
     ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
-    called with (stage, done, total). No effect is named where robot.yaml or the table is in doubt (``plausibility``).
+    called with (stage, done, total). It takes a fifth to a third less time without limits on absent effects, on which
+    no verdict depends. No effect is named where robot.yaml or the table is in doubt (``plausibility``).
     Where nothing explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
 
     def discovered(of: Cells) -> Discovery:
         search = EffectSearch(of, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-        return _discovered(search, max_effects)
+        return _discovered(search, max_effects, with_limits=with_limits)
 
     found = discovered(cells)
     if found.verdict.status not in INCOMPLETE or not len(wrong := suspect_trials(found.fits[0], criteria)):
@@ -88,16 +90,18 @@ def discover(
     return replace(others, verdict=verdict, next_trials=(*repeats.alone(cells, wrong), *others.next_trials))
 
 
-def _discovered(search: EffectSearch, max_effects: int) -> Discovery:
+def _discovered(search: EffectSearch, max_effects: int, *, with_limits: bool) -> Discovery:
     if doubted := in_doubt(search.cells):
         preset: Verdict | None = Verdict("unexplained", (), (), doubted + or_effects(search, max_effects))
     else:
         preset = untested(search.cells, search.model(()), search.criteria)
     found, partial = search_and_judge(search, preset, max_effects)
-    return _reported(search, found, partial, doubted=bool(doubted))
+    return _reported(search, found, partial, doubted=bool(doubted), with_limits=with_limits)
 
 
-def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, doubted: bool) -> Discovery:
+def _reported(
+    search: EffectSearch, found: Judged, partial: Partial | None, *, doubted: bool, with_limits: bool
+) -> Discovery:
     """All that is said of a verdict: standard errors, limits, next trials, remarks."""
     cells, effects, criteria, verdict = search.cells, search.effects, search.criteria, found.verdict
     rival, allowing = _identified_without_nuisances(search, found), _only_allowing(search, found)
@@ -115,6 +119,7 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
     family = same_family(search, claimed, named)
     others = other_families(search, claimed, judged) if verdict.status == "identified" else []
     proposed = _next_trials(search, verdict, without_nuisances(search, hidden), named)
+    limited = with_limits and verdict.status in ("adequate", "identified")
     controls = {} if worthwhile(proposed.trials, criteria) else controls_of(search, verdict)
     verdict = with_p_of(reported, verdict, judged)
     verdict = told_from_others(search, replace(verdict, because=verdict.because + covered), others, family)
@@ -139,7 +144,7 @@ def _reported(search: EffectSearch, found: Judged, partial: Partial | None, *, d
         residual=None if doubted else _residual_formula(search, verdict, found.formula),
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
-        limits=tuple(limits(search, named, not_shown)) if verdict.status in ("adequate", "identified") else (),
+        limits=tuple(limits(search, named, not_shown)) if limited else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
         criteria=criteria,
     )

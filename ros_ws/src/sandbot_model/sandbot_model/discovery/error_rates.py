@@ -95,7 +95,13 @@ def error_rates(
         rng = np.random.default_rng(child)
         cells = cells_of(simulated(trials, truth, rng), redrawn_readings(truth, rng))
         verdict = discover(
-            cells, effects, base=truth.model.base, max_effects=max_effects, criteria=criteria, fit_all=fit_all
+            cells,
+            effects,
+            base=truth.model.base,
+            max_effects=max_effects,
+            criteria=criteria,
+            fit_all=fit_all,
+            with_limits=False,
         ).verdict
         statuses[verdict.status] += 1
         right = hidden in map(frozenset, verdict.alternatives) if hidden else verdict.status == "adequate"

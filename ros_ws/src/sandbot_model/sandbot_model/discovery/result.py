@@ -56,7 +56,7 @@ class Discovery:
     variants: Mapping[str, str] = field(default_factory=dict)
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
-    """Limits at 95 % on effects that are absent."""
+    """Limits at 95 % on effects that are absent; empty as well if they were not asked for."""
     alike: tuple[Fit, ...] = ()
     """Sets with effects in another form than the catalogue's that do not fit clearly worse than the identified one."""
     allowing: str = ""

@@ -95,7 +95,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
 
         found = discover(
             cells, effects, base=args.model, max_effects=args.max_effects, criteria=arguments.criteria(args),
-            fit_all=fit_all, progress=progress,
+            fit_all=fit_all, progress=progress, with_limits=_shows_limits(args),
         )  # fmt: skip
         found = judged_by_gait(found, trials, effects, readings, max_effects=args.max_effects, fit_all=fit_all)
         found = tried_with_other_gaits(found, trials, readings)
@@ -108,6 +108,11 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     if rates:
         print("\n" + filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
     _write(args, found, trials, [*assumed(trials, cells, found.criteria), *notes], rates)
+
+
+def _shows_limits(args: argparse.Namespace) -> bool:
+    """Whether any output lists limits on absent effects."""
+    return bool(args.verbose or args.json or args.html)
 
 
 def _write(
