@@ -52,10 +52,11 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
     deviance, (wider, whitens) = np.empty((rows, cells)), np.empty((2, rows, cells, OBSERVABLES, OBSERVABLES))
     for row in range(rows):
         for cell in range(cells):
-            weight, walks, mixed = weights[row, cell], 0, False
+            walks, mixed = 0, False
             for node in range(count):
                 for i in range(OBSERVABLES):
-                    predicted[row, cell, i] += weight[node, i if each else 0] * values[i, row, cell, node]
+                    weight = weights[row, cell, node, i if each else 0]
+                    predicted[row, cell, i] += weight * values[i, row, cell, node]
                 walks += walking[row, cell, node]
                 mixed |= between[row, cell, node] != plain[node]
             for i in range(OBSERVABLES):
@@ -67,18 +68,12 @@ def cell_likelihood(values, walking, plain, weights, between, data, share, repli
                 spread = values[:, row, cell], predicted[row, cell], between[row, cell]
                 here = measured[cell], wider[row, cell], whitens[row, cell]
                 deviance[row, cell] = _widen(spread, of, here) - log_det[cell]
-            _whitened(mean[cell], predicted[row, cell], measured[cell], whitens[row, cell], residual[row, cell])
             for i in range(OBSERVABLES):
+                for j in range(i + 1):
+                    if measured[cell, j]:
+                        residual[row, cell, i] += whitens[row, cell, i, j] * (mean[cell, j] - predicted[row, cell, j])
                 deviance[row, cell] += residual[row, cell, i] ** 2
     return predicted, wider, whitens, residual, deviance
-
-
-@_compiled
-def _whitened(mean, predicted, measured, whiten, residual):
-    for i in range(OBSERVABLES):
-        for j in range(i + 1):
-            if measured[j]:
-                residual[i] += whiten[i, j] * (mean[j] - predicted[j])
 
 
 @_compiled
@@ -132,19 +127,17 @@ def with_reading_errors(given, unit, measured, without):
         for n in range(count):
             unknown |= math.isnan(given[row, n])
         normal[:], pull[:] = 0.0, 0.0
-        for cell in range(cells):
-            which = its[cell, : many[cell]]
-            _whiten_columns(unit[cell], which, measured[cell], whiten[row, cell], shift[cell])
-            if unknown:
-                _add_normal(shift[cell], which, residual[row, cell], normal, pull)
+        _whiten_columns(row, unit, its, many, measured, whiten, shift)
         if unknown:
+            _add_normal(row, shift, its, many, residual, normal, pull)
             for n in range(count):
                 normal[n, n] += 1.0
             found[row] = np.linalg.solve(normal, pull)
         for cell in range(cells):
             for i in range(OBSERVABLES):
                 before = residual[row, cell, i]
-                for n in its[cell, : many[cell]]:
+                for at in range(many[cell]):
+                    n = its[cell, at]
                     residual[row, cell, i] -= shift[cell, i, n] * found[row, n]
                     mean[row, cell, i] += unit[cell, i, n] * found[row, n]
                 deviance[row, cell] += residual[row, cell, i] ** 2 - before**2
@@ -166,24 +159,30 @@ def _columns_of_cells(slope):
 
 
 @_compiled
-def _whiten_columns(unit, its, measured, whiten, shift):
-    """Whiten the columns ``its`` of a cell's slopes ``(4, m)``."""
-    for i in range(OBSERVABLES):
-        for n in its:
-            shift[i, n] = 0.0
-            for j in range(i + 1):
-                if measured[j]:
-                    shift[i, n] += whiten[i, j] * unit[j, n]
+def _whiten_columns(row, unit, its, many, measured, whiten, shift):
+    """Whiten the columns ``its`` of every cell's slopes ``(4, m)``."""
+    # A slice of an array for each cell would cost more, in counting references, than the arithmetic.
+    for cell in range(len(unit)):
+        for at in range(many[cell]):
+            n = its[cell, at]
+            for i in range(OBSERVABLES):
+                shift[cell, i, n] = 0.0
+                for j in range(i + 1):
+                    if measured[cell, j]:
+                        shift[cell, i, n] += whiten[row, cell, i, j] * unit[cell, j, n]
 
 
 @_compiled
-def _add_normal(shift, its, residual, normal, pull):
-    """Add a cell to the normal equations."""
-    for i in range(OBSERVABLES):
-        for n in its:
-            pull[n] += shift[i, n] * residual[i]
-            for m in its:
-                normal[n, m] += shift[i, n] * shift[i, m]
+def _add_normal(row, shift, its, many, residual, normal, pull):
+    """Add every cell to the normal equations."""
+    for cell in range(len(shift)):
+        for i in range(OBSERVABLES):
+            for at in range(many[cell]):
+                n = its[cell, at]
+                pull[n] += shift[cell, i, n] * residual[row, cell, i]
+                for other in range(many[cell]):
+                    m = its[cell, other]
+                    normal[n, m] += shift[cell, i, n] * shift[cell, i, m]
 
 
 @_compiled
