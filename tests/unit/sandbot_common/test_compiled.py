@@ -71,3 +71,33 @@ def test_a_fault_in_what_is_compiled_is_told():
 
     with pytest.raises(Exception, match="nothing"):
         wrong(1)
+
+
+CALLEE = """
+from sandbot_common.compiled import compiled
+
+TIMES = 2
+
+@compiled
+def times(x):
+    return TIMES * x
+"""
+CALLER = """
+from sandbot_common.compiled import compiled
+import callee
+from callee import times
+
+@compiled
+def called(x):
+    return {call}(x) + 1
+
+print(called(20), sum(called.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize("call", ["times", "callee.times"])
+def test_a_change_of_what_is_compiled_into_a_function_is_not_missed(run, tmp_path, call):
+    (tmp_path / "module.py").write_text(CALLER.replace("{call}", call))
+    for times, expected in ((2, ["41", "0"]), (2, ["41", "1"]), (3, ["61", "0"]), (3, ["61", "1"])):
+        (tmp_path / "callee.py").write_text(CALLEE.replace("= 2", f"= {times}"))
+        assert run("import sys; sys.path.insert(0, '')", PYTHONDONTWRITEBYTECODE="1") == expected
