@@ -94,7 +94,7 @@ def discovery(path: Path) -> None:
     both(
         path,
         lambda path: with_next_trials(read_plan(config_folder() / "demo.yaml"), path),
-        predictor_from_json,
+        lambda path: predictor_from_json(path, None, None),
         lambda path: unseal.command([str(_sealed(path)), "--discovery", str(path)]),
     )
 
