@@ -14,8 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import numba
-
-_DISPATCHER: Any = numba.njit(lambda: None)
+from numba.core.registry import CPUDispatcher
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -38,7 +37,7 @@ def _compiled_in(function: Callable[..., Any]) -> Iterator[Any]:
     modules = [own[name] for name in function.__code__.co_names if isinstance(own.get(name), ModuleType)]
     for name, names in product(function.__code__.co_names, (own, *map(vars, modules))):
         used: Any = names.get(name)
-        if type(used) is type(_DISPATCHER) and hasattr(used._cache, "_cache_file"):
+        if isinstance(used, CPUDispatcher) and hasattr(used._cache, "_cache_file"):
             yield used._cache._cache_file._source_stamp
         elif isinstance(used, (int, float, tuple)):
             yield repr(used)

@@ -25,7 +25,7 @@ from sandbot_model.discovery.judgement import or_effects, reported_fit, search_a
 from sandbot_model.discovery.leg_radius import instead_of_a_reading
 from sandbot_model.discovery.limits import limits
 from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
-from sandbot_model.discovery.next_trials import Proposed, next_trials, trials_to_exclude
+from sandbot_model.discovery.next_trials import NextTrial, Proposed, next_trials, trials_to_exclude
 from sandbot_model.discovery.nuisances_about import averaged_with
 from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.partial import Partial
@@ -189,8 +189,10 @@ def _next_trials(search: EffectSearch, verdict: Verdict, hidden: Sequence[Fit], 
     again += repeats.again(repeats.odd_one_out(verdict, named), named)
     # Between explanations that are still possible, what decides comes first.
     asked = [*found.trials, *again] if verdict.status == "ambiguous" else [*again, *found.trials]
-    once = {(trial.condition, trial.gait): trial for trial in reversed([*asked, *more])}
-    return found._replace(trials=[*dict.fromkeys(once[trial.condition, trial.gait] for trial in [*asked, *more])])
+    first: dict[object, NextTrial] = {}
+    for trial in [*asked, *more]:
+        first.setdefault((trial.condition, trial.gait), trial)
+    return found._replace(trials=list(first.values()))
 
 
 def _residual_formula(

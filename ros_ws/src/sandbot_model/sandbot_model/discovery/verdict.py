@@ -14,7 +14,7 @@
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -344,7 +344,7 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     """Why a set that shows no lack of fit, not all of whose effects gain enough, is not claimed."""
     if doubtful_parameters(fit):
         return only_with(fit)
-    part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
+    part = next(_short_of(fits, fit, criteria))
     gain = _gain(fits[part], fit)
     over = f" on top of {_name(part)}" if part else ""
     if gain.sum() <= (threshold := claim_threshold(fit, criteria)):
@@ -359,13 +359,18 @@ def why_not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
 def decided_by(fits: Sets, fit: Fit, criteria: Criteria) -> tuple[Names, int] | None:
     """Where ``why_not_claimed`` asks for a condition to be run again: the part over which the set gains most there, and
     the condition's cell; else None."""
-    short = [part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria)]
-    if not short or doubtful_parameters(fit):
+    part = next(_short_of(fits, fit, criteria), None)
+    if part is None or doubtful_parameters(fit):
         return None
-    gain = _gain(fits[short[0]], fit)
+    gain = _gain(fits[part], fit)
     cell = int(np.argmax(gain))
     enough = gain.sum() > claim_threshold(fit, criteria)
-    return (short[0], cell) if enough and cell < len(fit.cells.phi) else None
+    return (part, cell) if enough and cell < len(fit.cells.phi) else None
+
+
+def _short_of(fits: Sets, fit: Fit, criteria: Criteria) -> Iterator[Names]:
+    """The parts of a set over which it does not gain enough."""
+    return (part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
 
 
 def _gain(smaller: Fit, larger: Fit) -> Array:
