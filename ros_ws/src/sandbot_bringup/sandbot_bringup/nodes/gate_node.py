@@ -100,7 +100,7 @@ class Gate:
             raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
         with writing(folder.path):
             free = shutil.disk_usage(folder.path).free
-        needed = FREE_BYTES + round(lossless_s * _film_bytes_s(folder))
+        needed = FREE_BYTES + (round(lossless_s * _film_bytes_s(folder)) if lossless_s else 0)
         if free < needed:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, the next trial needs {needed >> 20}")
         try:
