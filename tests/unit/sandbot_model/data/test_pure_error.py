@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, pure_error, without_batch_effects
+from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, consistent_cells, pure_error, without_batch_effects
 
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
@@ -191,12 +191,34 @@ def test_swimmers_that_do_follow_frequency_are_followed():
 def test_what_a_batch_adds_to_all_its_trials_is_no_scatter_of_replicates(seed):
     """A lift zero of each day; controls: equal days, and days that share no cell, change nothing."""
     residual, cell, *_ = scattered(seed=seed)
-    shape, day = np.ones((40, 4)), np.tile(np.array(["mon", "tue", "wed", "wed"]), 40)
+    shape, day, every = np.ones((40, 4)), np.tile(np.array(["mon", "tue", "wed", "wed"]), 40), np.ones(40, dtype=bool)
     zero = np.array([0.0, 1e-3, 2e-3, 2e-3])
     off = residual + about_means(np.tile(zero, 40)[:, None] * np.array([0, 1, 0, 0]), cell, 4)
-    found = without_batch_effects(off, cell, shape, day)
+    found = without_batch_effects(off, cell, shape, day, every)
     np.testing.assert_allclose(np.sqrt((found[:, 1] ** 2).sum() / 120), SCALE[1], rtol=0.2)
     assert np.sqrt((off[:, 1] ** 2).sum() / 120) > 1.5 * SCALE[1]
     np.testing.assert_array_equal(found[:, [0, 2, 3]], residual[:, [0, 2, 3]])
-    np.testing.assert_array_equal(without_batch_effects(residual, cell, shape, day), residual)
-    np.testing.assert_array_equal(without_batch_effects(off, cell, shape, cell.astype(str)), off)
+    np.testing.assert_array_equal(without_batch_effects(residual, cell, shape, day, every), residual)
+    np.testing.assert_array_equal(without_batch_effects(off, cell, shape, cell.astype(str), every), off)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_conditions_that_stop_walking_on_a_soft_day_are_no_scale_of_the_readings(seed):
+    """On the last day every fifth condition swims, all others are as ever; control: with these among the conditions
+    that tell the days' scales, all of them seem to scatter more."""
+    residual, cell, count, walking, omega, usual = scattered(seed=seed)
+    shape, day = np.full((40, 4), 0.15), np.tile(np.array(["mon", "tue", "wed", "thu"]), 40)
+    swims = np.zeros((160, 4))
+    swims[(day == "thu") & (cell % 5 == 0), 0] = -0.12
+    off = residual + about_means(swims, cell, 4)
+    consistent = consistent_cells(off, cell, count, walking, omega)
+
+    def scatter(consistent):
+        found = without_batch_effects(off, cell, shape, day, consistent)
+        return pure_error(found, cell, count, walking, omega, usual)
+
+    assert not consistent[::5].any()
+    error = scatter(consistent)
+    np.testing.assert_allclose(error.sd, SCALE, rtol=0.3)
+    assert error.own[::5].all()
+    assert scatter(np.ones(40, dtype=bool)).sd[0] > 2 * SCALE[0]

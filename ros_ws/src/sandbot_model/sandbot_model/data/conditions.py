@@ -16,7 +16,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
-from sandbot_model.data.pure_error import pure_error, without_batch_effects
+from sandbot_model.data.pure_error import consistent_cells, pure_error, without_batch_effects
 from sandbot_model.data.regime import (
     lifts_cut_off,
     peaks_of_some,
@@ -219,7 +219,9 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
     shape = np.where(np.arange(len(Observable)) == Observable.lift, 1.0, mean)
-    residual = without_batch_effects(values - mean[cell], cell, shape, batch)
+    residual = values - mean[cell]
+    consistent = consistent_cells(residual, cell, count, walking, cells.mean(omega), rounding)
+    residual = without_batch_effects(residual, cell, shape, batch, consistent)
     of_replicates = pure_error(residual, cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     bars = cells.means(stated_bars(stated, slope).T).T

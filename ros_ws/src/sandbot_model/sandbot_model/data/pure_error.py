@@ -65,11 +65,16 @@ def pure_error(
     ``usual (4,)`` the standard deviations of a usual lab, a prior in case the few replicates agree by chance.
     ``rounding (4,)`` are the standard deviations of rounding errors, below which no scatter is believed.
     """
+    return pooled_error(_squares(residual, cell, count), np.maximum(count - 1, 0), walking, omega, usual, rounding)
+
+
+def _squares(residual: Floats, cell: Ints, count: Ints) -> Floats:
+    """Sums of squares and products of each cell ``(cells, 4, 4)``."""
     cells, observables = count.shape
     square = np.zeros((cells, observables, observables))
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
-    return pooled_error(square, np.maximum(count - 1, 0), walking, omega, usual, rounding)
+    return square
 
 
 def pooled_error(
@@ -80,7 +85,7 @@ def pooled_error(
     """
     least = np.full(len(usual), FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
     variance, dof = np.diagonal(square, axis1=1, axis2=2), dof.copy()
-    regimes = [regime for regime in (walking, ~walking) if regime.any()]
+    regimes = _regimes(walking)
     keep = _consistent(variance, dof, omega, regimes, least)
     overall = _pooled_variance(variance[keep], dof[keep])
     copies = overall <= FLOOR**2
@@ -99,43 +104,79 @@ def pooled_error(
     return PureError(covariance, np.sqrt(overall), known, ~keep)
 
 
-def without_batch_effects(residual: Floats, cell: Ints, shape: Floats, batch: NDArray[np.str_]) -> Floats:
+def consistent_cells(
+    residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats, least: Floats | None = None
+) -> Bools:
+    """Cells ``(n,)`` that scatter no more than the others of their regime; arguments as in ``pure_error``."""
+    variance = np.diagonal(_squares(residual, cell, count), axis1=1, axis2=2)
+    floor = np.maximum(FLOOR, np.zeros(count.shape[1]) if least is None else least)
+    return _consistent(variance, np.maximum(count - 1, 0), omega, _regimes(walking), floor)
+
+
+def _regimes(walking: Bools) -> list[Bools]:
+    return [regime for regime in (walking, ~walking) if regime.any()]
+
+
+def without_batch_effects(
+    residual: Floats, cell: Ints, shape: Floats, batch: NDArray[np.str_], consistent: Bools
+) -> Floats:
     """Residuals ``(trials, 4)`` about cell means without what each ``batch (trials,)`` adds in proportion to ``shape
     (cells, 4)``: 1 for an offset, the cell means for a scale. Observables whose batches do not differ are unchanged.
+
+    This is estimated from ``consistent (cells,)`` cells: a softer bed makes trials near the switch swim, and a few such
+    conditions would pass for a scale of the readings of all.
     """
     found, index = residual.copy(), np.unique(batch, return_inverse=True)[1]
     for column in range(residual.shape[1]):
         seen = np.isfinite(residual[:, column])
-        found[seen, column] = _about_batches(residual[seen, column], cell[seen], index[seen], shape[:, column])
+        some = residual[seen, column], cell[seen], index[seen]
+        found[seen, column] = _about_batches(*some, shape[:, column], consistent)
     return found
 
 
-def _about_batches(residual: Floats, cell: Ints, batch: Ints, shape: Floats) -> Floats:
-    """Residuals of one observable without their batches' terms, by least squares, if an F-test says that these differ.
+def _about_batches(residual: Floats, cell: Ints, batch: Ints, shape: Floats, consistent: Bools) -> Floats:
+    """Residuals of one observable without their batches' terms.
 
     Scaled so that their sum of squares per degree of freedom of the cells is the variance within batches.
     """
-    counts = np.zeros((len(shape), int(batch.max(initial=0)) + 1))
+    some, counts = consistent[cell], _counts(cell, batch, len(shape))
+    terms, scale = _batch_terms(residual[some], cell[some], batch[some], shape, counts.shape[1])
+    if not terms.any():
+        return residual
+    of_cell = counts @ terms / np.maximum(counts.sum(axis=1), 1.0)
+    return (residual - shape[cell] * (terms[batch] - of_cell[cell])) * scale
+
+
+def _counts(cell: Ints, batch: Ints, cells: int, batches: int = 1) -> Floats:
+    """Trials of each cell in each batch ``(cells, batches)``, of as many batches as there are, but at least so many."""
+    counts = np.zeros((cells, max(int(batch.max(initial=0)) + 1, batches)))
     np.add.at(counts, (cell, batch), 1.0)
+    return counts
+
+
+def _batch_terms(residual: Floats, cell: Ints, batch: Ints, shape: Floats, batches: int) -> tuple[Floats, float]:
+    """Terms of the batches ``(batches,)`` by least squares, 0 unless an F-test says that they differ, and the factor by
+    which degrees of freedom lost to them reduce the residuals."""
+    none, counts = (np.zeros(batches), 1.0), _counts(cell, batch, len(shape), batches)
     in_cell, measured = np.maximum(counts.sum(axis=1), 1.0), counts.any(axis=1)
     shape, dof = np.where(measured, shape, 0.0), len(cell) - np.count_nonzero(measured)
     # Batches that share no cell with others add nothing to residuals about cell means.
     shared = counts[np.count_nonzero(counts, axis=1) > 1].any(axis=0)
     if not 1 < np.count_nonzero(shared) <= dof:
-        return residual
+        return none
     weights = counts[:, shared] * shape[:, None]
     variance, axes = np.linalg.eigh(np.diag(weights.T @ shape) - weights.T @ (weights / in_cell[:, None]))
     told = variance > SINGULAR * variance.max()
     lost, axes = np.count_nonzero(told), axes[:, told] / np.sqrt(variance[told])
-    terms = np.zeros(len(shared))
-    terms[shared] = axes @ (axes.T @ np.bincount(batch, shape[cell] * residual, len(shared))[shared])
-    rest = residual - shape[cell] * (terms[batch] - (counts @ terms / in_cell)[cell])
     if not 0 < lost < dof:
-        return residual
+        return none
+    terms = np.zeros(batches)
+    terms[shared] = axes @ (axes.T @ np.bincount(batch, shape[cell] * residual, batches)[shared])
+    rest = residual - shape[cell] * (terms[batch] - (counts @ terms / in_cell)[cell])
     within = max(float(rest @ rest) / (dof - lost), FLOOR**2)
     ratio = (residual @ residual - rest @ rest) / lost / within
     differ = f_sf(np.array(ratio), np.array(float(lost)), np.array(float(dof - lost))) < BATCHES_DIFFER
-    return rest * np.sqrt(dof / (dof - lost)) if differ else residual
+    return (terms, float(np.sqrt(dof / (dof - lost)))) if differ else none
 
 
 def effective_dof(dof: Ints) -> Floats:
