@@ -144,7 +144,7 @@ def _about_batches(residual: Floats, cell: Ints, batch: Ints, shape: Floats, con
     if not terms.any():
         return residual
     of_cell = counts @ terms / np.maximum(counts.sum(axis=1), 1.0)
-    return (residual - shape[cell] * (terms[batch] - of_cell[cell])) * scale
+    return np.asarray((residual - shape[cell] * (terms[batch] - of_cell[cell])) * scale)
 
 
 def _counts(cell: Ints, batch: Ints, cells: int, batches: int = 1) -> Floats:
