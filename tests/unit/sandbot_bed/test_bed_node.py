@@ -1,6 +1,5 @@
 """The bed node as a real process over DDS, with a stand-in for blower and height sensor."""
 
-import math
 import subprocess
 import sys
 
@@ -13,7 +12,7 @@ from std_srvs.srv import Trigger
 from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_common import messages, topics
 from sandbot_common.ros import endpoints
-from sandbot_common.ros.ros_health import SETTLE_S
+from sandbot_common.ros.ros_health import SETTLE_TURNS
 from sandbot_common.ros.timer import end_timers
 from sandbot_common.standstill import BEGUN
 
@@ -179,8 +178,7 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
     answer = here._on_prepare(None, Trigger.Response())
     assert (answer.success, answer.message) == (False, BEGUN)
     here.close()  # its launch ends, because another of its nodes has been refused
-    health.publish()  # its loop turns
-    health._turned_s -= SETTLE_S
+    health._turns = SETTLE_TURNS  # its loop has turned
     health.refused = "another bed is running already"
     here.close()
     assert told == []
@@ -192,7 +190,7 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
 def test_all_hear_that_the_air_is_to_go_off_though_the_driver_fails(here, beside):
     heard = []
     endpoints.subscription(beside.node, topics.BED_BLOWER, heard.append)
-    here._hardware._driver.is_deaf, here._health._turned_s = True, -math.inf
+    here._hardware._driver.is_deaf, here._health._turns = True, SETTLE_TURNS
     beside.until(here._hardware._blower.get_subscription_count)
     here.close()
     beside.until(lambda: [message.data for message in heard] == [0.0])

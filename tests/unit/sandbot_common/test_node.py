@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 
 from sandbot_common import messages, process
@@ -19,6 +20,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.health import TIMELESS
 from sandbot_common.parameters import parameter
 from sandbot_common.ros import node, ros_health, ros_parameters
+from sandbot_common.ros.timer import end_timers
 from sandbot_common.standstill import Standstill
 from sandbot_common.stop import stop_signals
 
@@ -263,6 +265,30 @@ def test_a_campaign_is_told_why_it_yields_and_to_the_living_only(held_s, lives, 
     theirs = first if lives else f"{host} 1 {int(first.split()[2]) + 1}"
     health._check_for_older(messages.diagnostics(1, "campaign", {"process": theirs}))
     assert health.refused.startswith(said) if said else not health.refused
+
+
+@pytest.mark.ros
+def test_a_node_whose_loop_stands_still_has_not_settled_however_long_it_waits(domain, monkeypatch):
+    """A camera's line is read by a thread of its own: it showed frames before its loop had heard the other one."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    one, executor = rclpy.create_node("bed", context=context), EventsExecutor(context=context)
+    executor.add_node(one)
+    sent, health = [], ros_health.Health(one, lambda: sent.append(1) or {}, sole=True)
+    try:
+        while not sent:
+            node.spin_once(executor, one, 1.0)
+        with monkeypatch.context() as later:
+            later.setattr(ros_health, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + 60.0))
+            assert not health.settled
+        while not health.settled:
+            node.spin_once(executor, one, 1.0)
+        health.refused = "another bed is running already"
+        assert not health.settled
+    finally:
+        end_timers(one)
+        one.destroy_node()
+        context.try_shutdown()
 
 
 def health_of(process, since_ns):

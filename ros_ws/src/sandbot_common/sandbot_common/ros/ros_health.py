@@ -16,8 +16,9 @@ from sandbot_common.ros.timer import Timer
 from sandbot_common.standstill import Standstill
 from sandbot_common.typed import number_or_nan
 
-SETTLE_S = 0.5
-"""This long after its first turn a node has heard any older one of its name: health is sent five times a second."""
+SETTLE_TURNS = 4
+"""After so many turns of its loop a node has handled what any older one of its name said meanwhile, twice at least:
+health is sent at each, five times a second. Time alone would not tell, as a busy machine may hold up the loop."""
 _SINCE, _WOKE = "since_ns", "woke"
 _CLOCK = "/clock"
 """Where ROS looks for simulated time."""
@@ -41,9 +42,9 @@ class Health:
         self.ended = ""
         """Why the node ends: reported in its last message instead of its level and text."""
         self._since_ns, self._process = time.time_ns(), own_name()
-        self._turned_s, self._awake = math.inf, Standstill()
+        self._turns, self._awake = 0, Standstill()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
-        Timer(node, 0.2, self.publish, self._turn)
+        Timer(node, 0.2, self._beat, self._turn)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._check_for_older)
@@ -51,7 +52,7 @@ class Health:
     @property
     def settled(self) -> bool:
         """Whether it had time to find an older node of its name, and found none; a ``sole`` node is silent before."""
-        return not self.refused and time.monotonic() - self._turned_s >= SETTLE_S
+        return not self.refused and self._turns >= SETTLE_TURNS
 
     @property
     def held_up_s(self) -> float:
@@ -61,13 +62,16 @@ class Health:
 
     def publish(self) -> None:
         """Publish now."""
-        self._turned_s = min(self._turned_s, time.monotonic())
         self._publish(self._values())
 
     def announce_end(self, why: str) -> None:
         """Report that the node ends, without its figures: from any thread, even while the node's own is busy."""
         self.ended = why
         self._publish({})
+
+    def _beat(self) -> None:
+        self._turns += 1
+        self.publish()
 
     def _turn(self) -> None:
         if self._awake.turn(_since_boot_s()):
