@@ -128,9 +128,9 @@ class Beside:
     def wait(self, condition: Callable[[], Any], seconds: float) -> bool:
         """Whether the condition came to hold in time."""
         end = time.monotonic() + seconds
-        while not condition() and time.monotonic() < end:
+        while not (holds := bool(condition())) and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
-        return bool(condition())
+        return holds  # not asked once more: what held may have been an event
 
     def until(self, condition: Callable[[], Any], seconds: float = 60.0) -> None:
         """Wait for the condition to hold; the limit is there to fail, not to measure."""
