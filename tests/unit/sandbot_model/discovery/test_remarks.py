@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.remarks import too_few_walked
+from sandbot_model.discovery.remarks import too_few_walked, unknown_response_time
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.physics.effects import CATALOGUE
@@ -36,3 +36,20 @@ def test_a_few_that_walked_are_too_few_if_they_do_not_determine_delta_t(drawn, s
 def test_where_enough_walked_or_all_at_one_frequency_that_is_not_said(drawn):
     for omega in ((4, 8, 12, 16, 20, 24, 30), (24,)):
         assert too_few_walked(fit(model_of("simple", (), EFFECTS), cells_of(drawn(seed=1, omega=omega)))) == ""
+
+
+@pytest.mark.parametrize(
+    ("omega", "stderr", "said"),
+    [
+        ((8, 16, 24), 0.3, "before you rely on it: walk at more values of ω"),
+        ((8, 16, 24), np.inf, "before you rely on it: walk at more values of ω"),
+        ((24,), np.nan, "before you rely on it: trials at one ω can't test Δt: run others (next trials)"),
+        # Control.
+        ((8, 16, 24), 0.05, ""),
+    ],
+)
+def test_a_claim_beside_a_delta_t_that_is_not_known_says_so(drawn, omega, stderr, said):
+    named = SimpleNamespace(cells=cells_of(drawn(seed=1, omega=omega)), parameters={"delta_t_s": Estimate(0.4, stderr)})
+    found = unknown_response_time(named)
+    assert found.endswith(said)
+    assert bool(found) == bool(said)

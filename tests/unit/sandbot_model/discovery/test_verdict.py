@@ -19,6 +19,7 @@ from sandbot_model.discovery.verdict import (
     overdispersion,
     p_of_test,
     passes,
+    with_p_of,
 )
 from sandbot_model.fitting.goodness import Estimate
 
@@ -53,7 +54,7 @@ def made(
         deviance=deviance,
         bic=deviance + 5.0 * len(effects),
         lack_of_fit_p=p,
-        goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit=each or {"speed": p}),
+        goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit=each or {"speed": p}, lack_of_fit_f=1.28),
         at_bounds=at_bounds,
         parameters={"delta_t_s": Estimate(*delta_t), "v_swim_m_s": Estimate(0.075, 0.001)},
         implausible=implausible,
@@ -305,6 +306,23 @@ def test_a_claim_says_why_a_base_model_that_passes_is_not_enough(rivals):
     assert because.count("deviance falls") == 1
     # One that fails needs no other reason.
     assert "the simple model" not in judged(BASE, made("a", deviance=60.0), *rivals).because
+
+
+@pytest.mark.parametrize(
+    ("deviance", "said"),
+    [
+        (120.0, "(lack of fit p = 0.5), by the misfit alone: F = 1.28 on 60 and 10000 degrees of freedom"),
+        # Control: by the deviance a reader finds no misfit either.
+        (60.0, "the scatter of replicates (lack of fit p = 0.5)"),
+    ],
+)
+def test_a_p_that_the_deviance_seems_to_contradict_comes_with_its_statistic(deviance, said):
+    base, claimed, deeper = BASE, made("a", deviance=deviance), made("a", deviance=deviance, p=0.6)
+    found = judged(base, claimed)
+    assert (found.status, found.because.endswith(said)) == ("identified", True)
+    deeper.goodness.lack_of_fit_f = 1.2
+    told = with_p_of(deeper, found, claimed).because
+    assert told.endswith(said.replace("0.5", "0.6").replace("1.28", "1.20"))
 
 
 def test_a_single_observable_can_refuse_a_model():

@@ -16,7 +16,7 @@ from sandbot_model.discovery.next_trials import NextTrial, Proposed
 from sandbot_model.discovery.nuisances_in_words import confounded_drift
 from sandbot_model.discovery.plausibility import implausible_k
 from sandbot_model.discovery.untested import plainly_missed
-from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, next_best
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, is_determined, next_best
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 
@@ -51,6 +51,7 @@ def remarked(
     if verdict.status in one_value.WIDENED:
         remarks.append(one_value.in_words(search.cells))
     if verdict.status == "identified":
+        remarks.append(unknown_response_time(named))
         remarks.append(rival_calibration_error(search, named))
     # Where the robot is in doubt this search had no effects, and calibration is not the question.
     if verdict.status == "unexplained" and len(search.fits) > 1:
@@ -84,6 +85,16 @@ def too_few_walked(base: Fit) -> str:
         else f"all {conditions} conditions swam"
     )
     return f"{swam}, so walking is hardly tested and Δt not known: run lower ω or higher φ"
+
+
+def unknown_response_time(named: Fit) -> str:
+    """That a claim rests on a Δt which the data do not determine, and what does; empty where they do."""
+    if is_determined(*named.parameters[RESPONSE_TIME]):
+        return ""
+    asked = one_value.in_words(named.cells) or "walk at more values of ω"
+    return (
+        f"Δt is not known beside it, so something outside the catalogue may pass for it; before you rely on it: {asked}"
+    )
 
 
 def worthwhile(trials: Sequence[NextTrial], criteria: Criteria) -> list[NextTrial]:

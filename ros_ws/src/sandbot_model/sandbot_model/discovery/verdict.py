@@ -21,7 +21,7 @@ from itertools import combinations
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, level_name
-from sandbot_model.data.distributions import chi2_sf, f_isf
+from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
@@ -86,7 +86,7 @@ def sound(fit: Fit) -> bool:
 
 def doubtful_parameters(fit: Fit) -> list[str]:
     """Parameters of effects that are at a bound or implausible; also Δt, if it is well determined beside effects."""
-    delta_t = RESPONSE_TIME if fit.effects and _is_determined(*fit.parameters[RESPONSE_TIME]) else ""
+    delta_t = RESPONSE_TIME if fit.effects and is_determined(*fit.parameters[RESPONSE_TIME]) else ""
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == delta_t]
 
 
@@ -106,7 +106,7 @@ def only_with(fit: Fit) -> str:
     return f"only with {values}" if values else ""
 
 
-def _is_determined(value: float, stderr: float) -> bool:
+def is_determined(value: float, stderr: float) -> bool:
     """Whether the standard error is less than half the value."""
     return bool(stderr < 0.5 * abs(value))
 
@@ -245,8 +245,18 @@ def parts_of(names: Names, fits: Sets) -> list[Names]:
 def _because(base: Fit, best: Fit) -> str:
     return (
         f"{_fall(base, best)} on {best.goodness.dof} degrees of freedom, and what remains is within "
-        f"{best.cells.scatter} {p_in_words(best)}"
+        f"{best.cells.scatter} {p_in_words(best)}{_what_is_tested(best)}"
     )
+
+
+def _what_is_tested(fit: Fit) -> str:
+    """The statistic that p belongs to, where a reader would find another p for the deviance, in which conditions near
+    the switch to swimming also count by how much they scatter; else empty."""
+    dof, error_dof = fit.goodness.dof, int(fit.cells.pure_error_dof.max())
+    seems_to_fail = f_sf(fit.deviance / dof, dof, error_dof) < USUAL_LEVEL <= fit.lack_of_fit_p
+    if not seems_to_fail:
+        return ""
+    return f", by the misfit alone: F = {fit.goodness.lack_of_fit_f:.2f} on {dof} and {error_dof} degrees of freedom"
 
 
 def next_best(fits: Sets, best: Fit, tried: Iterable[Fit] = (), criteria: Criteria = DEFAULT) -> str:
@@ -415,7 +425,10 @@ def p_in_words(fit: Fit) -> str:
 
 def with_p_of(reported: Fit, verdict: Verdict, judged: Fit) -> Verdict:
     """A verdict on the set ``judged`` with the p-value of its reported fit, which may be deeper, instead."""
-    return replace(verdict, because=p_in_words(reported).join(verdict.because.rsplit(p_in_words(judged), 1)))
+    because = p_in_words(reported).join(verdict.because.rsplit(p_in_words(judged), 1))
+    if tested := _what_is_tested(judged):
+        because = because.replace(tested, _what_is_tested(reported))
+    return replace(verdict, because=because)
 
 
 def p_of_test(fit: Fit) -> str:

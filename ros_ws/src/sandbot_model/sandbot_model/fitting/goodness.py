@@ -47,6 +47,8 @@ class Goodness:
     """Bayesian information criterion (Schwarz 1978): deviance + unknowns · ln(values)."""
     lack_of_fit_p: float
     """F test of the cell means against pure error, all observables together; NaN without replicates."""
+    lack_of_fit_f: float
+    """The statistic of that test: mean square of the misfit over pure error."""
     lack_of_fit: Mapping[str, float]
     """The same for each observable, and for a penetrometer's readings."""
 
@@ -57,13 +59,15 @@ def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
     dof, z = problem.values - problem.fitted, residual_z(problem, state)
+    tested = chi2 - excess_of_few_replicates(z, problem.cells)
     return Goodness(
         rmse=rms(problem.cells, np.where(clear[:, None], gap, np.nan)),
         chi2=chi2,
         deviance=deviance,
         dof=dof,
         bic=deviance + unknowns * float(np.log(problem.values)),
-        lack_of_fit_p=joint_p(chi2 - excess_of_few_replicates(z, problem.cells), dof, problem.cells),
+        lack_of_fit_p=joint_p(tested, dof, problem.cells),
+        lack_of_fit_f=tested / dof if dof > 0 else float("nan"),
         lack_of_fit=p_by_observable(z, problem, problem.fitted + _shared_unknowns(problem, jacobian))
         | p_of_readings(state),
     )
