@@ -139,17 +139,18 @@ def _about_batches(residual: Floats, cell: Ints, batch: Ints, shape: Floats, con
 
     Scaled so that their sum of squares per degree of freedom of the cells is the variance within batches.
     """
-    some, counts = consistent[cell], _counts(cell, batch, len(shape))
-    terms, scale = _batch_terms(residual[some], cell[some], batch[some], shape, counts.shape[1])
+    some, batches = consistent[cell], int(batch.max(initial=0)) + 1
+    terms, scale = _batch_terms(residual[some], cell[some], batch[some], shape, batches)
     if not terms.any():
         return residual
+    counts = _counts(cell, batch, len(shape), batches)
     of_cell = counts @ terms / np.maximum(counts.sum(axis=1), 1.0)
     return np.asarray((residual - shape[cell] * (terms[batch] - of_cell[cell])) * scale)
 
 
-def _counts(cell: Ints, batch: Ints, cells: int, batches: int = 1) -> Floats:
-    """Trials of each cell in each batch ``(cells, batches)``, of as many batches as there are, but at least so many."""
-    counts = np.zeros((cells, max(int(batch.max(initial=0)) + 1, batches)))
+def _counts(cell: Ints, batch: Ints, cells: int, batches: int) -> Floats:
+    """Trials of each cell in each batch ``(cells, batches)``."""
+    counts = np.zeros((cells, batches))
     np.add.at(counts, (cell, batch), 1.0)
     return counts
 
