@@ -322,6 +322,7 @@ OTHERS = [
     case("devices-in-a-file", simulate, "@/t.csv", "t.csv is a file, a folder is needed", t__csv=GOOD),
     case("devices-without-a-camera", simulate, "@/d --cameras @/c.yaml", "c.yaml", "lateral", c__yaml=CAMERAS),
     case("devices-of-no-seed", simulate, "@/d --seed -1", "--seed", "-1"),
+    case("devices-of-no-trial-seed", simulate, "@/d --trial-seed -1", "--trial-seed", "-1"),
     case("devices-on-no-ground", simulate, "@/d --phi nan", "--phi", "nan"),
     case("devices-without-a-lease", simulate, "@/d --lease 0", "--lease", "0"),
 ]

@@ -112,7 +112,7 @@ def test_in_the_virtual_lab(tmp_path, start, plan, slow_cameras, batch_on):
 
 def test_over_serial_lines_on_films_of_the_simulated_devices(tmp_path, start, plan, slow_cameras, batch_on):
     folder = tmp_path / "dev"
-    options = ("--cameras", slow_cameras, "--seed", DEVICES, "--lease", 1.0)
+    options = ("--cameras", slow_cameras, "--trial-seed", DEVICES, "--lease", 1.0)
     simulated = start(sys.executable, "-m", "sandbot_hardware.simulate_command", folder, *options)
     simulated.until(lambda line: line.startswith("devices:"))
     files = {"bed": "bed", "leg": "legs", "dorsal": "dorsal", "lateral": "lateral"}
@@ -122,5 +122,5 @@ def test_over_serial_lines_on_films_of_the_simulated_devices(tmp_path, start, pl
     start(
         "ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={slow_cameras}", *drivers, *beds, *SERIAL
     )
-    # A real robot can't be told a trial's chance either: that of the devices is the same in every trial.
+    # A real robot can't be told a trial's chance either: for the comparison the devices have the same in every trial.
     check(plan, tmp_path / "live", batch_on, tmp_path, *run_live(start, plan, tmp_path / "live"), chance=DEVICES)

@@ -154,7 +154,9 @@ def batch_of(monkeypatch, batch_campaign):
 def test_a_campaign_over_serial_lines_survives_a_pulled_cable(
     tmp_path, devices, start, finished, plan_of_one, quick_bed, batch_of, slow_cameras
 ):
-    simulated, folder = devices("--phi", str(PHI), "--seed", str(SEED), "--lease", "1.0", "--cameras", slow_cameras)
+    simulated, folder = devices(
+        "--phi", str(PHI), "--seed", str(SEED), "--trial-seed", str(SEED), "--lease", "1.0", "--cameras", slow_cameras
+    )
     files = {"bed": "bed", "leg": "legs", "dorsal": "dorsal", "lateral": "lateral"}
     lines = [f"{name}_device:={folder / file}" for name, file in files.items()]
     drivers = ["lab:=false", "bed_driver:=serial", "leg_driver:=serial", "camera_driver:=serial"]

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -52,6 +53,19 @@ def test_what_one_device_cannot_do_is_printed_and_ends_no_other(capsys):
     trackway._say("bed", lambda now_s: [b"H"])
     assert said == [("bed", b"H")]
     assert capsys.readouterr().out == "legs: set-points: a leg would turn at 4e+04 rad/s\n"
+
+
+@pytest.mark.parametrize(("given", "different"), [(0, 3), (7, 1)])
+def test_legs_and_films_of_a_trial_share_its_seed_and_no_other_trial_has_it(monkeypatch, given, different):
+    walked = []
+    monkeypatch.setattr(simulate, "LiveTrial", lambda world, phi, seed, *more: walked.append(seed))
+    devices = object.__new__(Trackway)
+    devices._world, devices._phi, devices._seed = None, 0.61, 1
+    devices._every_seed, devices._trials, devices._orders = given, 0, queue.SimpleQueue()
+    for at_s in (1.0, 2.0, 3.0):
+        devices._begin(at_s)
+    assert len(set(walked)) == different
+    assert [devices._orders.get()[-1] for _ in walked] == walked
 
 
 def test_a_mistyped_order_is_told_and_the_devices_go_on(tmp_path, monkeypatch, capsys):

@@ -24,6 +24,8 @@ pytestmark = pytest.mark.ros
 HEARD = (topics.LEG_STATES, topics.SYNC_LED, topics.DORSAL_IMAGE, topics.LATERAL_IMAGE, topics.BED_HEIGHT)
 """The height last: the lab meets subscriptions in their order, so once its height is heard all else is as well."""
 SETPOINTS = 100
+LATE_NS = 400_000_000
+"""After the start: a frame in which two walks differ by millimetres."""
 
 
 @pytest.fixture
@@ -36,8 +38,9 @@ def heard(beside):
 
 
 @pytest.fixture
-def lab(domain):
-    given = [word for one in ("phi:=0.62", "trial_seed:=5", "legs_lease_s:=1.0") for word in ("-p", one)]
+def lab(domain, request):
+    seed = getattr(request, "param", 5)
+    given = [word for one in ("phi:=0.62", f"trial_seed:={seed}", "legs_lease_s:=1.0") for word in ("-p", one)]
     command = [sys.executable, "-m", "sandbot_lab.nodes.lab_node", "--ros-args", *given]
     process = subprocess.Popen(command)
     yield process
@@ -77,6 +80,26 @@ def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
     beside.until(lambda: walks_as(big))
     trial.publish(messages.string(json.dumps({"robot": {"leg_radius_m": 9999.0}})))
     assert walks_as(big)
+
+
+@pytest.mark.parametrize(("lab", "alike"), [(0, False), (5, True)], indirect=["lab"])
+def test_a_robot_that_is_told_no_seed_walks_otherwise_in_each_trial(lab, beside, heard, alike):
+    """Replicates of one chance share one error, which a model takes for an effect."""
+    legs = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
+    beside.until(lambda: legs.get_subscription_count() and heard["/bed/height"])
+    t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
+    rates[-1] = 0.0
+    seen, frames = [], heard[topics.DORSAL_IMAGE.name]
+    for _ in range(2):
+        frames.clear()
+        t0_ns = beside.node.get_clock().now().nanoseconds
+        play(legs, topics.LEGS, t0_ns, t_s, angles, rates)
+        beside.until(
+            lambda t0_ns=t0_ns: [one for one in frames if messages.nanoseconds(one.header.stamp) - t0_ns >= LATE_NS]
+        )
+        late = [one for one in frames if messages.nanoseconds(one.header.stamp) - t0_ns == LATE_NS]
+        seen.append(bytes(late[0].data))
+    assert (seen[0] == seen[1]) == alike
 
 
 def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):

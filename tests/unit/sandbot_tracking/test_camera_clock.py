@@ -39,6 +39,13 @@ class Bench:
         return self.clock
 
 
+@pytest.mark.parametrize(("offset_s", "unplaced"), [(1.5, True), (0.0, False)])
+def test_frames_that_no_edge_places_tell_how_far_they_are_behind(offset_s, unplaced):
+    clock = Bench(offset_s, []).run()
+    assert clock.placed != unplaced
+    assert clock.behind_ns * 1e-9 == pytest.approx(offset_s + 0.005, abs=1e-3)
+
+
 @given(st.floats(-5, 5), st.floats(0, 1), st.integers(0, 2**32 - 1), st.floats(0, 0.3))
 def test_the_offset_is_found_to_what_it_says_of_itself(offset, phase, seed, lost):
     bench = Bench(offset, [1.0037, 2.021], phase=phase, seed=seed, lost=lost)

@@ -34,7 +34,7 @@ BEHIND_S = 0.1
 def film(
     folder: Path, sections: Mapping[str, Any], robot: Robot, seed: int, boot_s: float, orders: "Connection[Any, Any]"
 ) -> None:
-    """Film until the orders end: (pull or plug, camera), (begin, φ, t0), (walk, t, angles, rates), (rest,).
+    """Film until the orders end: (pull or plug, camera), (begin, φ, t0, seed), (walk, t, angles, rates), (rest,).
 
     ``boot_s``: the monotonic time at which the devices' time is 0; orders carry device time [ns].
     """
@@ -74,8 +74,8 @@ class _Films:
             case "pull" | "plug":
                 getattr(self._ports[given[0]], order)()
             case "begin":
-                phi, t0_ns = given
-                self._trial = LiveTrial(self._world, phi, self._seed, START_X_M, self._sections, t0_ns)
+                phi, t0_ns, seed = given
+                self._trial = LiveTrial(self._world, phi, seed, START_X_M, self._sections, t0_ns, scene=self._seed)
             case "walk" if self._trial:
                 self._trial.advance(*given)
                 for name, stamp_ns, pixels in self._trial.frames():

@@ -26,6 +26,7 @@ from sandbot_hardware.pseudo_terminal import Terminal
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import check_cameras
 from sandbot_lab.live_trial import NANO, LiveTrial, warm_up
+from sandbot_lab.week import trial_seed
 from sandbot_lab.world import START_X_M, null_world
 
 CONTROLLERS = ("bed", "legs")
@@ -38,12 +39,16 @@ PRIORITY = 10
 class Trackway:
     """The devices, and the world behind them."""
 
-    def __init__(self, folder: Path, cameras: Path, robot: Robot, seed: int, phi: float, lease_s: float) -> None:
+    def __init__(
+        self, folder: Path, cameras: Path, robot: Robot, seed: int, phi: float, lease_s: float, every_seed: int = 0
+    ) -> None:
+        """``every_seed``: the random seed of every trial; 0: another one each time."""
         sections: dict[str, Any] = read_yaml(cameras)
         check_cameras(sections, str(cameras))
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        self._world, self._phi, self._seed = null_world().walked_by(robot), phi, seed
+        self._world, self._phi = null_world().walked_by(robot), phi
+        self._seed, self._every_seed, self._trials = seed, every_seed, 0
         warm_up({})
         self._bed, self._bed_s = LabBed(seed), 0.0
         self._trial: LiveTrial | None = None
@@ -136,8 +141,10 @@ class Trackway:
 
     def _begin(self, now_s: float) -> None:
         phi, t0_ns = self._phi or self._bed.phi, round(now_s * NANO)
-        self._trial = LiveTrial(self._world, phi, self._seed, START_X_M, {}, t0_ns)
-        self._orders.put(("begin", phi, t0_ns))
+        seed = self._every_seed or trial_seed(self._seed, self._trials)
+        self._trials += 1
+        self._trial = LiveTrial(self._world, phi, seed, START_X_M, {}, t0_ns)
+        self._orders.put(("begin", phi, t0_ns, seed))
 
     def _walk(self, now_s: float, angles: Sequence[float], rates: Sequence[float]) -> Any:
         if self._trial is None or not any(rates):

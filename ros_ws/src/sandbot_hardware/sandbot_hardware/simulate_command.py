@@ -34,6 +34,9 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--robot", type=Path, help="robot.yaml (default: SandBot)")
     parser.add_argument("--seed", type=int, default=1, help="random seed of bed and cameras (default: 1)")
     parser.add_argument(
+        "--trial-seed", type=int, default=0, help="random seed of every trial; 0: another one each time (default: 0)"
+    )
+    parser.add_argument(
         "--lease",
         type=float,
         default=0.24,
@@ -42,8 +45,9 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on (default: the bed's own)")
     options: argparse.Namespace = parser.parse_args(argv)
-    if options.seed < 0:
-        raise InputError(f"--seed: {options.seed} is not a seed; 0 or more")
+    for name, seed in (("--seed", options.seed), ("--trial-seed", options.trial_seed)):
+        if seed < 0:
+            raise InputError(f"{name}: {seed} is not a seed; 0 or more")
     if not 0 < options.lease < math.inf:
         raise InputError(f"--lease {options.lease}: a time above 0 s")
     if options.phi != 0 and not PHI_LOW <= options.phi <= PHI_HIGH:
@@ -58,7 +62,7 @@ def _simulate(argv: Sequence[str]) -> int:
 
     robot = read_robot(options.robot) if options.robot else SANDBOT
     cameras = options.cameras or config_file("cameras.yaml")
-    trackway = Trackway(options.folder, cameras, robot, options.seed, options.phi, options.lease)
+    trackway = Trackway(options.folder, cameras, robot, options.seed, options.phi, options.lease, options.trial_seed)
     orders: queue.SimpleQueue[str] = queue.SimpleQueue()
 
     def listen() -> None:

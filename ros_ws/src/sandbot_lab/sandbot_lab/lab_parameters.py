@@ -17,7 +17,7 @@ class LabParameters:
         "", doc="robot file; empty: SandBot. A robot in /trial takes precedence over it, and one in the world over both"
     )
     seed: int = parameter(1, doc="random seed of the bed", low=0, high=2**62)
-    trial_seed: int = parameter(1, doc="random seed of the next trial", low=0, high=2**62)
+    trial_seed: int = parameter(0, doc="random seed of the next trial; 0: another one each time", low=0, high=2**62)
     batch_seed: int = parameter(0, doc="random seed that the next trial shares with its batch", low=0, high=2**62)
     progress: float = parameter(0.0, doc="progress of the campaign; 1: at its last planned trial", low=0.0, high=1e3)
     phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)

@@ -71,14 +71,18 @@ class LiveTrial:
         cameras: Mapping[str, Mapping[str, Any]],
         t0_ns: int,
         occasion: Occasion = FIRST,
+        scene: int | None = None,
     ) -> None:
-        """``cameras``: sections of cameras.yaml by name; none for a trial without images. Raises InputError."""
+        """``cameras``: sections of cameras.yaml by name; none for a trial without images. ``scene``: the random seed of
+        what they show beside the robot, by default the trial's own. Raises InputError.
+        """
         self.t0_ns = t0_ns
         self._robot = LabRobot(world.at(occasion), phi - world.week.phi_zero, seed, start_x_m)
         self._start_x_m, self._scale_error = start_x_m, world.week.scale_error(occasion)
         self._sunk_m = world.week.lift_offset_m(occasion)
         self._cameras = {
-            name: LabCamera(name, camera, seed, world.body, world.film) for name, camera in cameras.items()
+            name: LabCamera(name, camera, seed if scene is None else scene, world.body, world.film)
+            for name, camera in cameras.items()
         }
         self._taken = dict.fromkeys(cameras, 0)
         self._motion = RecentMotion()

@@ -85,5 +85,10 @@ def batch_seed(seed: int, batch: str) -> int:
     return zlib.crc32(f"{seed} {batch}".encode())
 
 
+def trial_seed(seed: int, number: int) -> int:
+    """The random seed of a lab's trial ``number`` if none is given: no two walks of a robot meet the same grains."""
+    return zlib.crc32(f"{seed} trial {number}".encode())
+
+
 def _normal(*seed: int) -> float:
     return float(np.random.default_rng(seed).standard_normal())

@@ -40,6 +40,8 @@ class CameraClock:
         self.warning = ""
         self.settings = 0
         """How often the clock was set."""
+        self.behind_ns = 0
+        """Robot time minus stamp when a frame came, as long as no LED edge was seen: an offset, or a delay."""
         self._restart()
 
     def _restart(self) -> None:
@@ -116,6 +118,7 @@ class CameraClock:
             # Without a robot there is no clock to compare with; wait a while in case one is heard.
             self.placed = t_ns - self._first_ns > PATIENCE_NS
             return
+        self.behind_ns = robot_ns - t_ns
         self._near = self._near or abs(robot_ns - t_ns) <= NEAR_NS
         if not self._near and not self._has_led:
             self._place_by_arrival(robot_ns - t_ns)

@@ -97,7 +97,8 @@ class LiveView:
         clock, times = self.clock, self.times
         known = clock.half_width_ns
         return {
-            health.CLOCK: "unknown" if not clock.placed else "as stamped" if known is None else health.BY_THE_LED,
+            health.CLOCK: health.UNPLACED if not clock.placed else "as stamped" if known is None else health.BY_THE_LED,
+            health.BEHIND_MS: f"{clock.behind_ns * 1e-6:.0f}",
             "clock_offset_ms": f"{clock.offset_ns * 1e-6:.3f}",
             "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
             "jitter_ms": f"{times.jitter_s * 1e3:.3f}",

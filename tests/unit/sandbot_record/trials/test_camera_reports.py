@@ -48,6 +48,18 @@ def test_a_camera_that_never_shows_the_robot_is_named(dorsal, lateral, blind):
     assert said.startswith(f"the {blind} camera shows no marker in any frame") if blind else not said
 
 
+@pytest.mark.parametrize(
+    ("clock", "frames", "said"),
+    [("unknown", "400", True), ("as stamped", "400", False), ("by the LED", "400", False), ("unknown", "70", False)],
+)
+def test_frames_of_unknown_time_are_named_with_their_camera_and_delay(clock, frames, said):
+    """Frames 1.5 s late: tracking lost, it said."""
+    after = {"lateral_clock": clock, "lateral_frames": frames, "lateral_behind_robot_ms": "1503"}
+    fault = camera_fault({"lateral_frames": "70"}, after)
+    late = "the lateral camera's frames arrive 1.5 s late, or its clock is off by that"
+    assert fault.startswith(late) if said else not fault
+
+
 @pytest.mark.parametrize("odd", ["", "abc", "nan", "0", "1.5", "-3", "1" * 5000])
 def test_what_a_tracker_says_that_is_no_number_ends_no_campaign(odd):
     before, after = eyes(2), eyes(3) | SAW

@@ -39,7 +39,7 @@ from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.live_trial import NANO, LiveTrial, warm_up
-from sandbot_lab.week import Occasion
+from sandbot_lab.week import Occasion, trial_seed
 from sandbot_lab.world import null_world, read_world
 
 HEIGHT_RATE_HZ = 50.0
@@ -184,8 +184,9 @@ class LabNode(Node):
         current = self._settings.current
         cameras = {name: self._sections[name] for name in CAMERAS} if current.images else {}
         phi = current.phi or self._bed.phi
-        occasion = Occasion(current.batch_seed, current.trial_seed, current.progress)
-        self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns, occasion)
+        seed = current.trial_seed or trial_seed(current.seed, self._trials)
+        occasion, scene = Occasion(current.batch_seed, seed, current.progress), current.trial_seed
+        self._trial = LiveTrial(self._world, phi, seed, current.start_x, cameras, t_ns, occasion, scene)
         self._trials += 1
         self._health.level, self._health.text = 0, "ok"
         self._led.publish(messages.header(t_ns, "sync_led"))

@@ -41,7 +41,22 @@ def camera_fault(before: Values, after: Values) -> str:
             return f"the {camera} camera's clock jumped, or disagrees with the LED (clock_jumps)"
         if edges and edges_after == edges:
             return f"the {camera} camera did not see the LED, so its clock is uncertain"
-    return _blind(before, after)
+    return _unplaced(before, after) or _blind(before, after)
+
+
+def _unplaced(before: Values, after: Values) -> str:
+    """The camera of whose frames no time is known: a frame that arrives late looks like one of a clock that is off."""
+    for camera in topics.VIEWS:
+        frames = health.of_camera(camera, health.FRAMES)
+        if after.get(health.of_camera(camera, health.CLOCK)) != health.UNPLACED:
+            continue
+        if health.figure(after, frames) > health.figure(before, frames):
+            behind_s = health.figure(after, health.of_camera(camera, health.BEHIND_MS)) * 1e-3
+            return (
+                f"the {camera} camera's frames arrive {behind_s:.1f} s late, or its clock is off by that, "
+                "and its frames did not show the LED go on"
+            )
+    return ""
 
 
 def _blind(before: Values, after: Values) -> str:
