@@ -38,7 +38,7 @@ DIFFERENT, EQUAL = 0.12, 0.04
 """Relative difference above which two radii count as different, and below which they count as equal."""
 
 SPLIT_OFF = 0.9
-"""Share of the variance of replicates that a split removes if they are of two robots; of a steady drift it is 3/4."""
+"""Fraction of replicates' variance that a split removes if they are of two robots; of a steady drift it is 3/4."""
 
 
 def in_doubt(cells: Cells) -> str:

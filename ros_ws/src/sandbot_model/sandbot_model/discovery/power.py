@@ -31,7 +31,7 @@ from sandbot_model.physics.walking import USUAL_K
 from sandbot_record.trials.table import Trials
 
 POWER, Z = 0.9, 1.2816
-"""Share of campaigns in which an effect is to be detected, and its normal quantile."""
+"""Fraction of campaigns in which an effect is to be detected, and its normal quantile."""
 STRENGTHS = 60
 """Values tried between the neutral one and the end of the plausible range."""
 

@@ -20,7 +20,7 @@ from sandbot_model.physics.model import model_of
 PER_LEVER = 4
 """Most terms of one lever that are fitted."""
 LEAST_GAIN = 0.2
-"""Share of the largest predicted gain below which a term is not fitted."""
+"""Fraction of the largest predicted gain below which a term is not fitted."""
 COLLINEAR = 0.98
 """Correlation from which two terms count as the same."""
 

@@ -19,7 +19,7 @@ DRAWS = 400
 
 
 def win_shares(fits: Sequence[Fit], rng: np.random.Generator, criteria: Criteria = DEFAULT) -> list[float]:
-    """Share of ``DRAWS`` in which each of the sets is best, by BIC plus the price of a claim for every effect in it."""
+    """Fraction of ``DRAWS`` in which each of the sets is best, by BIC plus the price of a claim for its effects."""
     noise = rng.normal(size=(fits[0].state.all_residuals.size, DRAWS))
     prices = [claim_threshold(fit, criteria) * len(fit.effects) + price_of_conventions(fit) for fit in fits]
     scores = np.stack([_bic(fit, noise) + price for fit, price in zip(fits, prices, strict=True)])

@@ -97,7 +97,7 @@ def _trends(fit: Fit) -> Floats:
 
 
 def _gaits(fit: Fit) -> Floats:
-    """Share of each batch's trials in each gait but the first ``(batches, gaits - 1)``."""
+    """Fraction of each batch's trials in each gait but the first ``(batches, gaits - 1)``."""
     names = np.array(fit.cells.gait)
     return _batch_means(fit, (names[:, None] == np.unique(names)[1:]).astype(float))
 
@@ -109,6 +109,6 @@ def _batch_means(fit: Fit, of_cells: Floats) -> Floats:
 
 
 def batch_share(fit: Fit) -> Floats:
-    """Share of each cell's trials in each batch; every cell is a batch where none are given."""
+    """Fraction of each cell's trials in each batch; every cell is a batch where none are given."""
     given = fit.cells.batch_share
     return np.eye(len(fit.cells)) if given is None else given

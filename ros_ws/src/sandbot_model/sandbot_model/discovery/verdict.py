@@ -117,7 +117,7 @@ def earns_place(fits: Sets, larger: Names, smaller: Names, criteria: Criteria = 
 
 
 def gains_enough(fits: Sets, larger: Names, smaller: Names, criteria: Criteria) -> bool:
-    """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
+    """Whether the gain in deviance exceeds the threshold of each additional effect, and a fraction of it (``one_cell``)
     without the cell or level that gains most."""
     gain = _gain(fits[smaller], fits[larger])
     threshold = claim_threshold(fits[larger], criteria) * (len(larger) - len(smaller))

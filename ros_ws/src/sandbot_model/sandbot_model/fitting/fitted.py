@@ -242,9 +242,9 @@ class Fitted:
 
     @cached_property
     def _steps(self) -> list[tuple[Floats, tuple[float, float], tuple[float, float]]]:
-        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and the share of
-        each that may be taken back and ahead within bounds (``uncertainty.change``): while the deviance rises about as
-        a parabola does, and to look for a switch, while no high cliff is in the way.
+        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and the fraction
+        of each that may be taken back and ahead within bounds (``uncertainty.change``): while the deviance rises about
+        as a parabola does, and to look for a switch, while no high cliff is in the way.
         """
         if not len(steps := principal_steps(self.covariance)):
             return []

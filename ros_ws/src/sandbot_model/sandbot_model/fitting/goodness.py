@@ -171,7 +171,7 @@ def _shared_unknowns(problem: Problem, jacobian: Floats) -> float:
 
 
 def p_by_observable(z: Floats, problem: Problem, unknowns: float) -> dict[str, float]:
-    """p of each observable on its own, with its share of the fitted unknowns taken off its degrees of freedom."""
+    """p of each observable on its own, with its fraction of the fitted unknowns taken off its degrees of freedom."""
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)
     found = {}

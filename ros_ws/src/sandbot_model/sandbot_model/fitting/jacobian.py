@@ -10,8 +10,8 @@ from sandbot_model.fitting.states import STEP, States, parameter_steps
 def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Floats:
     """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``.
 
-    With ``switches``, which descents use, the share of replicates that walk near a switch moves as well. Whatever
-    linearises a fit must leave it out: that share is linear within a fraction of the switch's width only.
+    With ``switches``, which descents use, the fraction of replicates that walk near a switch moves as well. Whatever
+    linearises a fit must leave it out: it is linear within a fraction of the switch's width only.
     """
     local = cell_jacobian(problem, states, switches=switches)
     full = problem.cell_means.spread(local)

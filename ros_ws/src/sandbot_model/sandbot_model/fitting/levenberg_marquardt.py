@@ -15,7 +15,7 @@ TOLERANCE = 1e-2
 NOT_SEARCHED = "v_swim_m_s"
 """The one parameter left to the descents, which always find it: no switch depends on it."""
 PATIENCE, NEARER = 3, 0.02
-"""Every so many iterations, a row above a hopeless deviance must have covered this share of the way down to it."""
+"""Every so many iterations, a row above a hopeless deviance must have covered this fraction of the way down to it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 

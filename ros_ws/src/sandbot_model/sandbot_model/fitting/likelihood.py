@@ -6,7 +6,7 @@ cell mean is an average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadr
     ȳ_c = Σ_g w_g y(k + dk/dφ σ_φ x_g, ω),   V_c = V_c0 + (scatter of y over the nodes)/n if the cell straddles a switch
 
 Away from a switch between walking and swimming this scatter is already part of the pure error V_c0. Near one,
-replicates walk or swim by chance, and w_g are the shares of the normal distribution on either side (see ``switch``):
+replicates walk or swim by chance, and w_g are the fractions of the normal distribution on either side (see ``switch``):
 the variance of the mixture gives such a cell little weight, so that no single one decides a fit.
 
 Nuisance parameters (see ``nuisances``) are Gaussian: offsets of the bed move k itself, zero offsets and scale errors of

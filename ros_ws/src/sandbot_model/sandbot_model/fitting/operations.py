@@ -59,7 +59,7 @@ class CompiledChains:
         return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
     def footing_and_values(self, points: Points, independent: Bools) -> tuple[Footing, Floats, Floats]:
-        """Footing, the observables there ``(4, *points.shape)``, and the share of a cell's trials that each node
+        """Footing, the observables there ``(4, *points.shape)``, and the fraction of a cell's trials that each node
         represents; in cells ``independent (rows or 1, cells)`` trials walk or swim independently of each other."""
         virgin = "virgin_margin" if self.remembers else "margin"
         of = self._of_switches("margin"), self._of_switches(virgin), self._program(NAMES, self._inputs)

@@ -23,7 +23,7 @@ K_RANGE = (0.55, 4.0)
 """k over mg/(2R - h): from ground that by a linear law never carries the robot, to effectively rigid ground."""
 CHUNK = 8
 MIN_DISTANCE = 0.15
-"""Starts closer than this in every parameter, as a share of its plausible range, count as the same."""
+"""Starts closer than this in every parameter, as a fraction of its plausible range, count as the same."""
 MAX_STARTS = 12
 """Most starts from which descents begin."""
 NEAR_DELTA_T = 1.45

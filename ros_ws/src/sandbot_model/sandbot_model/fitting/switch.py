@@ -1,7 +1,7 @@
-"""Near a switch between swimming and walking, or between two depths: the share of a cell's trials on either side.
+"""Near a switch between swimming and walking, or between two depths: the fraction of a cell's trials on either side.
 
-A quadrature node represents its part of the normal distribution of φ, so that with five nodes only shares of 1, 23, 77
-or 99 % could walk. But the maximum of the force margin grows with k, nearly in proportion: the edge between the last
+A quadrature node represents its part of the normal distribution of φ, so that with five nodes only 1, 23, 77 or 99 % of
+the trials could walk. But the maximum of the force margin grows with k, nearly in proportion: the edge between the last
 node that swims and the first that walks is put where this maximum is 0. The same is done where legs jump to another
 depth, in ground that their steps disturb.
 """
@@ -75,7 +75,7 @@ def switches_of(
 
 
 def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]) -> Floats:
-    """The share of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
+    """The fraction of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
     share = np.empty(shape)
     share[:] = WEIGHTS
     for _, these in found:

@@ -25,7 +25,7 @@ which a fit avoids by locating the switch between its nodes (``switch``)."""
 K_PER_PHI = 5.0
 """dk/dφ over k, used where a single level gives no slope: 50 N/m over 0.05 at 200 N/m (Li09)."""
 LEAST_K = 0.05
-"""Least stiffness of a place, as a share of k."""
+"""Least stiffness of a place, as a fraction of k."""
 _PLACES = np.array([NormalDist().inv_cdf((place + 0.5) / PLACES_COUNT) for place in range(PLACES_COUNT)])
 PLACES = _PLACES / _PLACES.std()
 """Deviations [σ of k] of equally probable places."""
@@ -77,7 +77,7 @@ def node_weights(values: Floats, share: Floats, nodes: Floats = NODES) -> Floats
 
 
 def share_between_trials(along_the_track: bool, phi_scatter: float, track: Floats) -> Floats:
-    """Standard deviation over trials as a share of that over steps, ``(rows or 1, cells or 1, 4)``.
+    """Standard deviation over trials as a fraction of that over steps, ``(rows or 1, cells or 1, 4)``.
 
     A trial averages the variation of φ along the track, of sd ``track (rows or 1, cells or 1)``, over its steps; but
     there is only one first step, and the peak speed varies as much as that of a single step.

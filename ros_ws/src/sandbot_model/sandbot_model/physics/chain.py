@@ -63,12 +63,12 @@ class Chain:
     extra_force: Floats = field(init=False, metadata={"unit": "N", "doc": "further ground force; effects add to it"})
     leg_speed: Floats = field(init=False, metadata={"unit": "m/s", "doc": "speed of the body on its fixed leg, Rω"})
     delta_v: Floats = field(init=False, metadata={"unit": "m/s", "doc": "speed the ground has to give the body"})
-    lift_ratio: Floats = field(init=False, metadata={"unit": "1", "doc": "share of Δv/Δt that is vertical"})
+    lift_ratio: Floats = field(init=False, metadata={"unit": "1", "doc": "fraction of Δv/Δt that is vertical"})
     mass: Floats = field(init=False, metadata={"unit": "kg", "doc": "mass to carry"})
     added_mass: Floats = field(init=False, metadata={"unit": "kg", "doc": "further mass to accelerate, not to carry"})
     gravity: Floats = field(init=False, metadata={"unit": "m/s²", "doc": "g normal to the bed"})
     # speed (before strength as well)
-    kept: Floats = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
+    kept: Floats = field(init=False, metadata={"unit": "1", "doc": "fraction of the step that becomes advance"})
     peak_ratio: Floats = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
 
     @property
@@ -168,11 +168,11 @@ class Chain:
         self.step, self.peak_ratio = self.step * grip, self.peak_ratio * grip
 
 
-def disturbed_share(chain: Chain, reach: Floats | float) -> Floats:
-    """Share, 0 to 1, of a leg in ground disturbed by the last step: 0 at an advance of ``reach`` R, 1 at 0.1 R less."""
+def disturbed_fraction(chain: Chain, reach: Floats | float) -> Floats:
+    """Fraction, 0 to 1, of a leg in ground disturbed by the last step: 0 at an advance of ``reach`` R, 1 at 0.1 R less."""
     radius = chain.robot.leg_radius_m
-    share: Floats = np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
-    return share
+    fraction: Floats = np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+    return fraction
 
 
 def horizontal_force(chain: Chain) -> Floats:

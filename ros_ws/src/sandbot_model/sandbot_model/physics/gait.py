@@ -79,7 +79,7 @@ def clock(gaits: Sequence[str]) -> Clock:
 
 
 def duty(slow_ratio: Floats, swing_ratio: Floats) -> Floats:
-    """d_c, the slow phase's share of a period, from d_c β + (1 - d_c) β_swing = 1; 1 where legs turn at one rate."""
+    """d_c, the slow phase's fraction of a period, from d_c β + (1 - d_c) β_swing = 1; 1 where legs turn at one rate."""
     one_rate = slow_ratio == swing_ratio
     share: Floats = np.where(one_rate, 1.0, (swing_ratio - 1) / np.where(one_rate, 1.0, swing_ratio - slow_ratio))
     return share
