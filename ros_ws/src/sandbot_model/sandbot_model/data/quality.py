@@ -425,10 +425,10 @@ def _about_cell_means(column: Floats, cell: Ints) -> tuple[Floats, int]:
 
 
 def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
-    """Change of a column over the whole run order, and its p-value: a regression of trials about their cell's mean.
+    """Change of a column over the whole run order, in its unit, and its p-value: a regression about cell means.
 
-    Column and order are centred on the means of the same trials, so no model and no effect of φ or ω enters; NaN with
-    too few replicates.
+    All are ``(trials,)``. Column and order are centred on the means of the same trials, so no model and no effect of φ
+    or ω enters; NaN with too few replicates.
     """
     finite = np.isfinite(column) & np.isfinite(order)
     y, dof = _about_cell_means(np.where(finite, column, np.nan), cell)

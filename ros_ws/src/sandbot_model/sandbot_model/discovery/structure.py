@@ -109,6 +109,6 @@ def _batch_means(fit: Fit, of_cells: Floats) -> Floats:
 
 
 def batch_share(fit: Fit) -> Floats:
-    """Fraction of each cell's trials in each batch; every cell is a batch where none are given."""
+    """Fraction of each cell's trials in each batch ``(cells, batches)``; every cell is a batch if none are given."""
     given = fit.cells.batch_share
     return np.eye(len(fit.cells)) if given is None else given

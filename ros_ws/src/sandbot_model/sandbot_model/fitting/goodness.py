@@ -54,7 +54,7 @@ class Goodness:
 
 
 def goodness(problem: Problem, state: States, jacobian: Floats) -> Goodness:
-    """Errors and tests of a fitted state (one row), with its ``full_jacobian``."""
+    """Errors and tests of a fitted state (one row), with its ``full_jacobian (residuals, unknowns)``."""
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
@@ -74,12 +74,12 @@ def goodness(problem: Problem, state: States, jacobian: Floats) -> Goodness:
 
 
 def residual(problem: Problem, state: States) -> Floats:
-    """Measured minus model ``(cells, 4)``, NaN where not measured. One row."""
+    """Measured minus model ``(cells, 4)`` [SI], NaN where not measured; ``state`` is one row."""
     return np.where(problem.measured, problem.cells.mean - state.predicted[0], np.nan)
 
 
 def residual_z(problem: Problem, state: States) -> Floats:
-    """The same in standard errors of the cell mean."""
+    """``residual (cells, 4)`` in standard errors of the cell mean."""
     return np.asarray(residual(problem, state) / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2)))
 
 
@@ -102,7 +102,7 @@ class Fail:
 
 
 def rms(cells: Cells, gap: Floats) -> dict[str, float]:
-    """Rms over trials, from the ``gap`` between cell mean and model and the scatter about the cell mean."""
+    """Rms over trials [SI], from the ``gap (cells, 4)`` of cell mean and model and the scatter about the cell mean."""
     n = np.where(np.isfinite(gap), cells.n, 0)
     within = np.where(n > 1, (n - 1) * np.nan_to_num(cells.sd) ** 2, 0.0).sum(axis=0)
     between = (n * np.nan_to_num(gap) ** 2).sum(axis=0)
@@ -114,7 +114,7 @@ def rms(cells: Cells, gap: Floats) -> dict[str, float]:
 
 
 def fails(cells: Cells, gap: Floats, z: Floats) -> tuple[Fail, ...]:
-    """Cell means missed by more than ``FAIL_Z`` standard errors, the worst first."""
+    """Cell means missed by more than ``FAIL_Z`` standard errors, the worst first; ``gap`` [SI] and ``z (cells, 4)``."""
     rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
     rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
     return tuple(
@@ -191,7 +191,7 @@ def p_of_readings(state: States) -> dict[str, float]:
 
 
 def at_bounds(problem: Problem, theta: Floats) -> tuple[str, ...]:
-    """Shared parameters at an end of their search range, held ones excepted."""
+    """Names of shared parameters ``theta (n,)`` at an end of their search range, held ones excepted."""
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
     pressed = ((theta <= low + edge) | (theta >= high - edge)) & (low < high)

@@ -48,14 +48,14 @@ class LeaveOneOut(NamedTuple):
 
 
 def cross_validation(problem: Problem, state: States, jacobian: Floats) -> CrossValidation:
-    """A summary of ``leave_one_out``."""
+    """A summary of ``leave_one_out``: the rms out of sample [SI], the number of cells scored, the deviance."""
     found = leave_one_out(problem, state, jacobian)
     scored = np.where(found.scored[:, None], found.residual, np.nan)
     return CrossValidation(rms(problem.cells, scored), int(found.scored.sum()), found.deviance)
 
 
 def leave_one_out(problem: Problem, state: States, jacobian: Floats) -> LeaveOneOut:
-    """Predict each cell with the parameters fitted to the others.
+    """Predict each cell with the parameters fitted to the others; ``jacobian (residuals, unknowns)``: of the fit.
 
     The parameters move by one linear step (see ``_linear_step``) and the model itself is evaluated there; a cell whose
     prediction moves far is fitted again without it. A cell is scored only if the other cells predict its speed at least

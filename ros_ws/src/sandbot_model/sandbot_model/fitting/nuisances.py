@@ -93,12 +93,12 @@ class Nuisances:
 
 
 def sizes_tried(prior: float) -> Floats:
-    """Grid of σ_b, 0 first; ``prior`` is the sd of its half-normal prior."""
+    """Grid ``(sizes,)`` of σ_b, 0 first; ``prior`` is the sd of its half-normal prior."""
     return np.linspace(0.0, MAX_SCATTER * prior, SIZES)
 
 
 def probability(gain: Floats) -> Floats:
-    """Posterior probability of each σ_b tried, from its ``gain`` in -2 ln posterior."""
+    """Posterior probability of each σ_b tried, from its ``gain (sizes,)`` in -2 ln posterior."""
     weight = np.exp(0.5 * (gain - gain.max()))
     return np.asarray(weight / weight.sum())
 

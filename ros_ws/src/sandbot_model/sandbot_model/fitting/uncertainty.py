@@ -24,7 +24,7 @@ def standard_errors(jacobian: Floats) -> tuple[Floats, Floats]:
 
 
 def covariance_of(normal: Floats) -> Floats:
-    """The inverse of normal equations; 0 for what the data do not determine: unknowns, or combinations of them."""
+    """The inverse of a normal matrix ``(n, n)``; 0 for unknowns, or combinations of them, that are not determined."""
     return _inverse(normal)[0]
 
 

@@ -37,7 +37,7 @@ def along_the_track(walker: Walker) -> bool:
 
 
 def slope_of(level_phi: Floats, k: Floats) -> Floats:
-    """dk/dφ at the levels [N/m] from neighbouring ones, limited to about what poppy seeds show."""
+    """dk/dφ [N/m] at the levels ``(levels,)`` from k [N/m] of neighbours, limited to about what poppy seeds show."""
     typical = K_PER_PHI * k
     if len(k) < 2:
         return np.asarray(typical)

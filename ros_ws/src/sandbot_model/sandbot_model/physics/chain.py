@@ -169,7 +169,7 @@ class Chain:
 
 
 def disturbed_fraction(chain: Chain, reach: Floats | float) -> Floats:
-    """Fraction, 0 to 1, of a leg in ground disturbed by the last step: 0 at an advance of ``reach`` R, 1 at 0.1 R less."""
+    """Fraction of a leg in ground that the last step disturbed: 0 at an advance of ``reach`` R, 1 at 0.1 R less."""
     radius = chain.robot.leg_radius_m
     fraction: Floats = np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
     return fraction

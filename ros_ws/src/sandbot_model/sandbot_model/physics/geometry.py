@@ -27,7 +27,9 @@ def froude_speed_m_s(robot: Robot) -> float:
 
 
 def depth_at(robot: Robot, angle_rad: Floats) -> Floats:
-    """Depth [m] of a leg's lowest point at this angle of its centre (0: straight below), belly on the surface."""
+    """Depth R(1 + cos θ) - h [m] of a leg's lowest point at angles θ of its centre, of any shape (0: straight below),
+    belly on the surface.
+    """
     return np.asarray(robot.leg_radius_m * (1 + np.cos(angle_rad)) - robot.axle_height_m)
 
 
@@ -38,7 +40,10 @@ def angle_at(robot: Robot, depth: Floats) -> Floats:
 
 
 def chord(robot: Robot, depth: Floats) -> Floats:
-    """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
+    """Step length s = 2√(R² - (d + h - R)²) [m] at depths d [m] of any shape (Li09).
+
+    2R where the leg holds above its centre, 0 at 2R - h.
+    """
     above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
     length: Floats = 2 * np.sqrt(np.maximum(robot.leg_radius_m**2 - above**2, 0.0))
     return length

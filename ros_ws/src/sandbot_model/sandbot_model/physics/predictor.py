@@ -88,7 +88,10 @@ def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
 
 
 def predictor(model: Model, values: Mapping[str, float], phi: Floats, k: Floats, where: str) -> Predictor:
-    """A model at these values, else its starts. Raises InputError, which begins with ``where``, for a wrong value."""
+    """A model at these values, else its starts, on the curve ``k`` [N/m] at ``phi``, both ``(levels,)``.
+
+    Raises InputError, which begins with ``where``, for a wrong value.
+    """
     for name, value in values.items():
         if name in model.names:
             model.parameter(name).check(value, f"{where}: {name}")

@@ -138,14 +138,14 @@ def settable(name: str) -> bool:
 
 
 def get(chain: Chain, name: str) -> Floats:
-    """The value of a quantity."""
+    """The value of a quantity, in its unit as ``listed`` and of the chain's shape."""
     derived = DERIVED.get(name)
     value: Floats = getattr(chain, name) if derived is None else derived.get(chain)
     return value
 
 
 def put(chain: Chain, name: str, value: Floats) -> None:
-    """Set a quantity."""
+    """Set a quantity: a value in its unit, which broadcasts to the chain's shape."""
     if (derived := DERIVED.get(name)) is not None:
         assert derived.put is not None, name
         derived.put(chain, value)

@@ -259,7 +259,10 @@ class Walker:
 
 
 def observables(steady: Chain, virgin: Chain, walking: Bools, virgin_walking: Bools) -> dict[str, Floats]:
-    """The observables by name, from the chains of the steady gait and of the first step on virgin ground."""
+    """The observables by name [SI], from the chains of the steady gait and of the first step on virgin ground.
+
+    Each has the shape that the chains' quantities and ``walking`` broadcast to.
+    """
     return {
         "speed": np.where(walking, steady.speed, steady.v_swim),
         "lift": np.where(walking, deepest_m(steady.robot) - steady.depth, 0.0),
@@ -269,7 +272,7 @@ def observables(steady: Chain, virgin: Chain, walking: Bools, virgin_walking: Bo
 
 
 def depth_grid(robot: Robot, count: int = DEPTHS) -> Floats:
-    """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
+    """Depths ``(count,)`` [m] from the surface to 2R - h, closer together where the step shrinks fast."""
     u = np.linspace(0.0, 1.0, count)
     return deepest_m(robot) * u * (2 - u)
 

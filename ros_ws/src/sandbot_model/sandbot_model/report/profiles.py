@@ -137,7 +137,7 @@ def labels(fit: Fit) -> list[str]:
 
 
 def correlation(covariance: Floats) -> Floats:
-    """Correlation matrix, NaN where an error is unknown."""
+    """Correlation matrix ``(n, n)`` of a covariance, NaN where an error is unknown."""
     sd = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(covariance / np.outer(sd, sd))
