@@ -75,7 +75,7 @@ def lifts_cut_off(values: Floats) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` that swam, in a table whose lifts are cut off at 0; none in any other.
 
     A swimmer's lift scatters about the zero of the reading, as often below as above. Where none is negative and several
-    are exactly 0, what was below was set to 0, or nothing was read: their mean tells nothing of that zero.
+    are exactly 0, what was below was set to 0, or nothing was read: their mean says nothing about that zero.
     """
     lift = values[:, Observable.lift]
     above = lift[lift > 0]
