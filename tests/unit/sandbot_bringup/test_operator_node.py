@@ -13,13 +13,13 @@ from sandbot_common import messages
 from sandbot_common.errors import InputError
 
 
-def test_half_a_character_in_an_order_is_answered_and_does_not_end_the_campaign():
+def test_half_a_character_in_a_command_is_answered_and_does_not_end_the_campaign():
     one, said = object.__new__(OperatorInterface), []
     one._answers, one.queue = {}, SimpleNamespace(plan=None)
     one._content = lambda: {"answers": one._answers}
     one._status = SimpleNamespace(publish=lambda message: said.append(message.data.encode()))
     one._on_command(messages.string('{"id": "\\ud800", "do": "dance"}'))
-    assert "not an order" in json.loads(said[-1])["answers"]["\ud800"]["message"]
+    assert "not a command" in json.loads(said[-1])["answers"]["\ud800"]["message"]
 
 
 PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)
@@ -27,7 +27,7 @@ PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)
 
 @pytest.mark.parametrize("full", ["journal", "plan", ""])
 @pytest.mark.parametrize("do", ["skip", "add"])
-def test_an_order_that_cannot_be_kept_is_not_carried_out(full, do):
+def test_a_command_that_cannot_be_kept_is_not_carried_out(full, do):
     one, done = object.__new__(OperatorInterface), []
 
     def write(file):
