@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
@@ -36,7 +36,7 @@ def drawn(
     return table(true, omega, replicate, seen + noise * NOISE * rng.normal(size=seen.shape))
 
 
-def table(phi: Array, omega_rad_s: Array, replicate: Array, values: Array) -> Trials:
+def table(phi: Floats, omega_rad_s: Floats, replicate: Floats, values: Floats) -> Trials:
     """Trials ``(n,)`` of observables ``(n, 4)``."""
     return from_rows(
         [

@@ -11,7 +11,7 @@ from sandbot_common import topics
 from sandbot_common.ros import endpoints
 from sandbot_record.bags.reader import Bag
 
-# What the campaign and the tracker make of it is tested without nodes in test_hearing.py and test_camera_faults.py.
+# How campaign and tracker react is tested without nodes in test_monitor_node.py and test_camera_faults.py.
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(300)]
 WALK_S = 30.0
 """A trial so long that no busy machine ends it before it is stopped."""

@@ -7,8 +7,8 @@ import pytest
 
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.nodes.campaign_node import Operator
-from sandbot_bringup.nodes.hearing_node import Hearing
+from sandbot_bringup.nodes.campaign_node import CampaignNode
+from sandbot_bringup.nodes.monitor_node import Monitor
 from sandbot_common import messages, topics
 from sandbot_common.health import LEGS_STOPPED
 from sandbot_common.standstill import RAN
@@ -24,37 +24,37 @@ def walking(driver):
         count_publishers=lambda _: 1,
         get_publishers_info_by_topic=lambda _: publishers,
     )
-    hearing = Hearing(node, 1.0, 0.02)
-    hearing._on_setpoint(b"")
-    hearing.may_move = True
-    hearing.require(["clock"])
-    hearing.watch_walking()
-    tell_legs(hearing, 8.0)
-    return hearing
+    monitor = Monitor(node, 1.0, 0.02)
+    monitor._on_setpoint(b"")
+    monitor.may_move = True
+    monitor.require(["clock"])
+    monitor.watch_walking()
+    tell_legs(monitor, 8.0)
+    return monitor
 
 
-def tell_legs(hearing, rate):
+def tell_legs(monitor, rate):
     six = np.zeros(6)
-    hearing._on_legs(messages.joint_state(1, topics.LEGS, six, six + rate, six))
+    monitor._on_legs(messages.joint_state(1, topics.LEGS, six, six + rate, six))
 
 
-def told(hearing, name, level, text):
-    hearing._on_diagnostics(messages.diagnostics(1, name, {}, level=level, text=text))
+def told(monitor, name, level, text):
+    monitor._on_diagnostics(messages.diagnostics(1, name, {}, level=level, text=text))
 
 
-def campaign(hearing, answer, attended):
+def campaign(monitor, answer, attended):
     """A campaign whose clock, asked to stop, answers this, and lives on without another set-point."""
-    one = object.__new__(Operator)
-    one.hold, one.desk, one._hearing = Hold(), SimpleNamespace(attended=attended), hearing
-    one._commanding, one._orders = True, SimpleNamespace(words=lambda _: one._commanding and answer)
+    one = object.__new__(CampaignNode)
+    one.hold, one.interface, one._monitor = Hold(), SimpleNamespace(attended=attended), monitor
+    one._commanding, one._service_clients = True, SimpleNamespace(words=lambda _: one._commanding and answer)
     one._recorder = SimpleNamespace(ended=False, frozen=False)
     one._health = SimpleNamespace(held_up_s=0.0)
 
     def spin(condition, seconds):
         for _ in range(round(seconds / 0.02)):
-            hearing._listening.now_s += 0.02
-            hearing._supervisor.heard("clock", "its loop", hearing.now_s)
-            hearing._supervisor.heard("bed", topics.BED_STATUS.name, hearing.now_s)
+            monitor._listening.now_s += 0.02
+            monitor._supervisor.heard("clock", "its loop", monitor.now_s)
+            monitor._supervisor.heard("bed", topics.BED_STATUS.name, monitor.now_s)
             if condition():
                 return True
         return False
@@ -76,12 +76,12 @@ def campaign(hearing, answer, attended):
 def test_after_a_stop_by_hand_or_of_the_robot_nothing_moves_or_blows_until_somebody_says_go(
     answer, driver, warning, said, attended
 ):
-    hearing = walking(driver)
-    told(hearing, "tracker", 1, "frames late")  # somebody else's affair
+    monitor = walking(driver)
+    told(monitor, "tracker", 1, "frames late")  # somebody else's affair
     if warning:
-        told(hearing, f"{driver}: motors", 2, warning)
-    tell_legs(hearing, 0.0)
-    one = campaign(hearing, answer, attended)
+        told(monitor, f"{driver}: motors", 2, warning)
+    tell_legs(monitor, 0.0)
+    one = campaign(monitor, answer, attended)
     with pytest.raises(Held if attended else CampaignEnds, match=said):
         one._explain_rest()
     assert not one._commanding
@@ -96,17 +96,17 @@ def test_after_a_stop_by_hand_or_of_the_robot_nothing_moves_or_blows_until_someb
     ],
 )
 def test_what_clock_and_drivers_say_of_a_lost_command_fails_the_trial_alone(answer, node, text, said):
-    hearing = walking("serial_legs" if node == "serial_legs" else "lab")
-    told(hearing, node, 2 if node == "clock" else 1, text)
-    tell_legs(hearing, 0.0)
+    monitor = walking("serial_legs" if node == "serial_legs" else "lab")
+    told(monitor, node, 2 if node == "clock" else 1, text)
+    tell_legs(monitor, 0.0)
     with pytest.raises(TrialFailed, match=said):
-        campaign(hearing, answer, attended=True)._explain_rest()
+        campaign(monitor, answer, attended=True)._explain_rest()
 
 
 def test_a_campaign_that_is_stopped_meanwhile_is_held_for_that():
-    hearing = walking("lab")
-    tell_legs(hearing, 0.0)
-    one = campaign(hearing, AT_REST, attended=True)
+    monitor = walking("lab")
+    tell_legs(monitor, 0.0)
+    one = campaign(monitor, AT_REST, attended=True)
     one.hold.stop("stopped by the operator")
     with pytest.raises(Held, match="stopped by the operator"):
         one._explain_rest()

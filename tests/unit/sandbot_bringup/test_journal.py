@@ -98,7 +98,7 @@ def test_a_trial_that_was_over_when_its_campaign_was_killed_is_noted_at_the_next
     (trial,) = trials_of(plan)
     one, notes = object.__new__(_Campaign), []
     one._folder, one.queue = CampaignFolder(tmp_path), Queue(plan, [trial.trial_id])
-    one._desk = SimpleNamespace(note=lambda do, **what: notes.append((do, what)))
+    one._interface = SimpleNamespace(note=lambda do, **what: notes.append((do, what)))
     bag = bags.trial_bag(one._folder.bag(trial), plan=bags.PLAN | {"trial_id": trial.trial_id})
     if damaged:
         (bag / "metadata.yaml").write_text("not: [a bag")

@@ -29,7 +29,7 @@ class Silent:
 def campaign(path, *, added, block):
     """One whose trials are all done; while it looks the operator adds a condition, or does not."""
     one = object.__new__(_Campaign)
-    one._folder, one._files, one._desk = CampaignFolder(path), {}, Silent()
+    one._folder, one._files, one._interface = CampaignFolder(path), {}, Silent()
     one._folder.adopt(PLAN, {})
     one.queue = Queue(PLAN, [trial.trial_id for trial in trials_of(PLAN)])
 
@@ -65,7 +65,7 @@ def test_the_bar_counts_a_failed_trial_as_not_done(tmp_path, failing):
     plan = replace(PLAN, until="", budget=0, extra_trials=(), replicates=1)
     one, bar = object.__new__(_Campaign), SimpleNamespace(n=0, total=0)
     one._folder, one.queue = CampaignFolder(tmp_path), Queue(plan, ())
-    one._operator = SimpleNamespace(hold=Hold(), await_go=lambda: None)
+    one._node = SimpleNamespace(hold=Hold(), await_go=lambda: None)
 
     def run(trial, bar):
         if bar.n + len(one.queue.failed) + 1 in failing:
@@ -85,7 +85,7 @@ def test_the_bar_is_of_the_trials_that_wait_and_there_is_none_of_none(capsys, fi
     """A line "campaign: 0trial [00:00, ?trial/s]" stood in the log of every campaign."""
     plan = replace(PLAN, until="", budget=0, extra_trials=(), replicates=1)
     one = object.__new__(_Campaign)
-    one.queue, one._desk = Queue(plan, [trial.trial_id for trial in trials_of(plan)][:finished]), Silent()
+    one.queue, one._interface = Queue(plan, [trial.trial_id for trial in trials_of(plan)][:finished]), Silent()
     one._run_next = lambda bar: False
     one.run_all()
     said = capsys.readouterr().err

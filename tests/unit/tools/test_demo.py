@@ -162,7 +162,7 @@ def test_what_was_found_is_said_with_the_fitted_numbers():
     discovery["verdict"]["effects"] = ["disturbed_ground", "stance_overlap"]
     said = found(discovery)
     assert "within 1.00 R of the last foothold finds ground loosened to 182 N/m" in said
-    assert "stance overlap (share of the speed lost while both tripods stand 0.123)" in said
+    assert "stance overlap (fraction of the speed lost while both tripods stand 0.123)" in said
     assert said.endswith("by 0.48 cm/s, without it by 7.70; replicates of one trial differ by 0.47.")
 
 

@@ -12,9 +12,9 @@ console           the page's state; safety: legs and air; marks: pictures; conso
 scene             shapes for RViz and Foxglove; scene_messages: as messages
 nodes/
   live_node       a campaign over the real nodes
-    campaign_node one trial; gate_node: may it begin; orders_node: calls to the nodes' services and parameters
-    hearing_node  state of the nodes
-    hold_node     the services stop, pause and go; desk_node: the operator's orders
+    campaign_node one trial; preflight_node: checks before it; services_node: calls to other nodes
+    monitor_node  state and health of the nodes
+    hold_node     the services stop, pause and go; operator_node: the operator's commands
   console_node    the page's ROS; page_lease_node: the lease for what is started from the page
   scene_node      the shapes' node
 tools/            campaign, unseal

@@ -1,4 +1,4 @@
-"""The console over HTTP: one page, its state on request, two pictures, and the operator's orders. No ROS.
+"""The console over HTTP: one page, its state on request, two pictures, and the operator's commands. No ROS.
 
 Loopback only, and it obeys only its own page: the Host must be this host (against DNS rebinding), and a header is
 required that another site's page can't send. The header holds the time of the state on which the page acts, so that a

@@ -1,4 +1,4 @@
-"""Which nodes must be heard from while a trial runs: pure; ``hearing_node`` feeds it, the clock is passed in.
+"""Which nodes must be heard from while a trial runs: pure; ``monitor_node`` feeds it, the clock is passed in.
 
 Its clock counts the time the campaign listened (``Listening``): while a busy machine keeps the campaign itself from the
 CPU, nobody counts as silent. Nor does the time count for which the machine kept the silent node from the CPU

@@ -20,7 +20,7 @@ CLEAR = "remove what fills it; trackway doctor says what killed nodes have left 
 
 
 def shortage(folder: Path = SHARED_MEMORY) -> str:
-    """What is too small and what would help, in one line; empty if it is large enough, or not there to be told."""
+    """What is too small and what would help, in one line; empty if it is large enough, or can't be read."""
     if not folder.is_dir():
         return ""
     size, _, free = shutil.disk_usage(folder)

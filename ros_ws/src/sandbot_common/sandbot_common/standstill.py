@@ -37,7 +37,7 @@ class Standstill:
 
     _turned_s: float = math.nan
     _until_s: dict[str, float] = field(default_factory=dict)
-    """Until when nothing may begin, by the reason: one that lasts longer must not be told as the other."""
+    """Until when nothing may begin, by the reason: one that lasts longer must not be reported as the other."""
     woke_s: float = -math.inf
     held_s: float = 0.0
     """When it last resumed, and how long it had stood still."""

@@ -25,7 +25,7 @@ def test_what_is_known_of_a_bed_takes_the_place_of_the_usual_priors():
     assert of_bed(0.003, None) == dataclasses.replace(DEFAULT, bed_scatter=0.003)
     assert of_bed(None, 0.01) == dataclasses.replace(DEFAULT, drift=0.01)
     for value in (0.0, -0.01, 0.7, float("nan")):
-        with pytest.raises(InputError, match=r"--bed-scatter .*: a share above 0 and up to 0\.3"):
+        with pytest.raises(InputError, match=r"--bed-scatter .*: a fraction above 0 and up to 0\.3"):
             of_bed(value, None)
         with pytest.raises(InputError, match="--bed-drift"):
             of_bed(None, value)

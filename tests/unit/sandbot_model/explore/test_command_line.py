@@ -83,7 +83,7 @@ def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(arguments, said
     [
         (["--port", "99999"], "--port 99999 is not between 0 and 65535"),
         (["--workers", "0"], "--workers: '0' is not a number of processes: 1 or more are needed"),
-        (["--bed-drift", "2"], "--bed-drift 2: a share above 0 and up to 0.3 is needed"),
+        (["--bed-drift", "2"], "--bed-drift 2: a fraction above 0 and up to 0.3 is needed"),
         (["--selection", "absent.yaml"], "absent.yaml: no such file"),
         (["--beside", "absent.csv"], "absent.csv: no such file"),
     ],

@@ -95,7 +95,7 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     lines = out.splitlines()
     assert lines[0] == "verdict: identified: stance_overlap, if the robot was SandBot, which is assumed"
     assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
-    assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
+    assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, fraction of the speed lost", lines[2])
     assert lines[3:5] == [
         "  speed error out of sample: 1.09 → 0.50 cm/s (30 and 32 of 35 cells scored);",
         "    replicates scatter by 0.50 cm/s",

@@ -180,8 +180,8 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
     ("words", "said"),
     [
         (["--bed-drift", "0.01"], "--bed-drift 0.01: DATA do not say in which order trials were run"),
-        (["--bed-drift", "0"], "--bed-drift 0: a share above 0 and up to 0.3 is needed"),
-        (["--bed-scatter", "0.7"], "--bed-scatter 0.7: a share above 0 and up to 0.3 is needed"),
+        (["--bed-drift", "0"], "--bed-drift 0: a fraction above 0 and up to 0.3 is needed"),
+        (["--bed-scatter", "0.7"], "--bed-scatter 0.7: a fraction above 0 and up to 0.3 is needed"),
     ],
 )
 def test_what_is_said_of_the_bed_in_vain_is_refused(command, words, said, folder, served, capsys):

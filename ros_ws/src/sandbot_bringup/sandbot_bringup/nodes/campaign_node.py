@@ -1,7 +1,7 @@
 """Run a campaign's trials live over the real nodes: prepare the bed, record, start the clock, stop.
 
 While a trial's air may blow or its legs move, this node renews /operator/lease: if it ends, freezes or is killed, bed
-and clock stop by themselves. It watches all nodes a trial needs (``hearing_node``); if one falls silent, the trial ends
+and clock stop by themselves. It watches all nodes a trial needs (``monitor_node``); if one falls silent, the trial ends
 at once.
 """
 
@@ -22,11 +22,11 @@ from sandbot_bed.protocol import ProtocolParameters, Stage
 from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept, lossless_s
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.nodes.desk_node import Desk
-from sandbot_bringup.nodes.gate_node import DISCOVERY_S, Gate
-from sandbot_bringup.nodes.hearing_node import RECORDER, TRACKER_SPEED, Hearing, NodeStatus
 from sandbot_bringup.nodes.hold_node import HoldServices
-from sandbot_bringup.nodes.orders_node import CALL_S, Orders
+from sandbot_bringup.nodes.monitor_node import RECORDER, TRACKER_SPEED, Monitor, NodeStatus
+from sandbot_bringup.nodes.operator_node import OperatorInterface
+from sandbot_bringup.nodes.preflight_node import DISCOVERY_S, Preflight
+from sandbot_bringup.nodes.services_node import CALL_S, ServiceClients
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.preparation import Preparation
 from sandbot_bringup.provenance import trial_message
@@ -117,11 +117,11 @@ def _clock_parameters(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
     return walk | {"max_run_s": plan.duration_s(trial.omega_rad_s) + CALL_S}
 
 
-class Operator(Node):
+class CampaignNode(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
-    desk: Desk
-    """Set once there is a folder in which orders can be kept."""
+    interface: OperatorInterface
+    """Set once there is a folder for its journal."""
 
     def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
         super().__init__("campaign")
@@ -137,15 +137,15 @@ class Operator(Node):
         self._commanding, self._renewed_s, self._allowed = False, -math.inf, NOTHING
         self._running, self._begun_s = "", -math.inf
         self._recorder: RecorderProcess | None = None
-        self._hearing = Hearing(self, silence_s, RENEW_S)
-        self._orders = Orders(self, self._wait)
+        self._monitor = Monitor(self, silence_s, RENEW_S)
+        self._service_clients = ServiceClients(self, self._wait)
         self._found: dict[str, dict[str, Any]] = {}
         self._bed = plan.bed_protocol
-        self._gate = Gate(self, self._hearing, self._orders, self._wait)
+        self._preflight = Preflight(self, self._monitor, self._service_clients, self._wait)
 
     def find_nodes(self) -> None:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
-        self._gate.find_nodes()
+        self._preflight.find_nodes()
         # The nodes may be heard sooner than another campaign, beside which this one must not make a folder.
         self._wait(lambda: self._health.settled, math.inf)
         # From here on clock and bed obey only this one.
@@ -155,7 +155,7 @@ class Operator(Node):
         """While the campaign is held, wait for the operator, without a time limit: nothing moves and nothing blows."""
         if not self.hold.why:
             return
-        self.desk.enter("")
+        self.interface.enter("")
         self._spin_until(lambda: not self.hold.why or self._ending, math.inf)
         self._end_if_asked()
 
@@ -174,8 +174,8 @@ class Operator(Node):
         # After a standstill another campaign may have begun, and is heard within this time.
         self._wait(lambda: not self._health.held_up_s, math.inf)
         self._read_settings()
-        self._gate.before_trial(self._bed, folder, lossless_s(self._plan, trial))
-        self._orders.await_answers()
+        self._preflight.before_trial(self._bed, folder, lossless_s(self._plan, trial))
+        self._service_clients.await_answers()
         self._running, self._begun_s = trial.trial_id, time.monotonic()
         self._set_up(trial)
         # Judging the bag takes a second of CPU and needs no lease.
@@ -194,18 +194,18 @@ class Operator(Node):
         """From the recorder's start to its end: the time in which legs and air are commanded."""
         self._commanding, ended = True, "interrupted"
         images = frames_kept(self._plan, trial)
-        self.desk.enter("starting the recorder")
+        self.interface.enter("starting the recorder")
         recorder = RecorderProcess(bag, images, attachments, self.get_namespace())
         try:
             self._begin_recording(recorder, trial)
             self._prepare_bed()
             if images != "none":
                 # Frames of the bed's preparation would only fill the disk.
-                self._orders.film()
-            self.desk.enter("standing")
+                self._service_clients.film()
+            self.interface.enter("standing")
             self._wait(lambda: False, self._plan.standing_s)
             self._await_first_record()
-            self.desk.enter("walking")
+            self.interface.enter("walking")
             self._walk(trial)
             ended = OK
         except (TrialFailed, CampaignEnds, Held) as error:
@@ -215,8 +215,8 @@ class Operator(Node):
             if ended != OK:
                 self._make_safe()
             self._recorder, self._commanding, self._running = None, False, ""
-            self._hearing.stop_watching()
-            self.desk.enter("closing the bag")
+            self._monitor.stop_watching()
+            self.interface.enter("closing the bag")
             self._end_recording(recorder, ended)
         return recorder
 
@@ -224,50 +224,50 @@ class Operator(Node):
         """Before the first trial: bed settings that the plan leaves open are as launched, in all trials."""
         if self._found:
             return
-        bed = self._orders.get("bed", [spec.name for spec in specs(ProtocolParameters)])
+        bed = self._service_clients.get("bed", [spec.name for spec in specs(ProtocolParameters)])
         where = f"plan {self._plan.name}: bed, beside what the bed node has"
         self._bed = from_mapping(ProtocolParameters, {**bed, **self._plan.bed}, where)
-        target = self._orders.get("bed", ["target_phi"])
-        self._found = {"bed": bed | target, "clock": self._orders.get("clock", ["max_run_s"])}
+        target = self._service_clients.get("bed", ["target_phi"])
+        self._found = {"bed": bed | target, "clock": self._service_clients.get("clock", ["max_run_s"])}
 
     def restore_settings(self) -> None:
         """Restore the parameters that bed and clock had before the first trial, unless another campaign has them."""
         if self._health.refused:
             return
-        answers = [self._orders.send_values(name, values) for name, values in self._found.items()]
+        answers = [self._service_clients.send_values(name, values) for name, values in self._found.items()]
         self._spin_until(lambda: all(answer.done() for answer in answers), LEAVE_S)
 
     def _set_up(self, trial: PlannedTrial) -> None:
-        self._hearing.forget_trial()
+        self._monitor.forget_trial()
         self._set_gait(trial)
-        self._orders.set("bed", asdict(self._bed) | {"target_phi": trial.phi})
-        if self._gate.has_lab:
+        self._service_clients.set("bed", asdict(self._bed) | {"target_phi": trial.phi})
+        if self._preflight.has_lab:
             occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
-            self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
-            self._orders.call("/lab/reset")
+            self._service_clients.set("lab", {"trial_seed": trial.seed} | occasion)
+            self._service_clients.call("/lab/reset")
 
     def _set_gait(self, trial: PlannedTrial) -> None:
         # The legs stand where the last trial stopped, but every trial starts from the same stance. Home comes first: a
         # clock that runs for somebody else refuses it, and its gait then stays unchanged.
-        self._orders.call("/clock/home")
-        self._orders.set("clock", _clock_parameters(self._plan.for_trial(trial), trial))
+        self._service_clients.call("/clock/home")
+        self._service_clients.set("clock", _clock_parameters(self._plan.for_trial(trial), trial))
 
     def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
-        self._recorder, ready_s = recorder, self._hearing.now_s
-        self._hearing.expect_recorder(recorder.pid)
+        self._recorder, ready_s = recorder, self._monitor.now_s
+        self._monitor.expect_recorder(recorder.pid)
         # On a busy machine it may be discovered seconds after it is ready.
-        if not self._wait(lambda: self._hearing.heard_since(RECORDER, ready_s), DISCOVERY_S):
+        if not self._wait(lambda: self._monitor.heard_since(RECORDER, ready_s), DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
-        self._hearing.require_recorder()
+        self._monitor.require_recorder()
         # Only now, so that the bag begins with its own trial.
         content = trial_message(self._plan.for_trial(trial), trial, self._robot, time.time_ns(), self._bed)
         self._trial.publish(messages.string(content))
 
     def _await_first_record(self) -> None:
         """A recorder that replaces a killed one sometimes is heard but receives nothing itself."""
-        if not self._wait(lambda: self._hearing.recorded > 0, DISCOVERY_S):
+        if not self._wait(lambda: self._monitor.recorded > 0, DISCOVERY_S):
             raise TrialFailed("the recorder receives nothing, so the legs do not start; the next trial gets a new one")
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
@@ -280,14 +280,14 @@ class Operator(Node):
             return recorder.ended
 
         while not self._spin_until(over, CLOSE_S) and any(blocked) and not self._ending:
-            self.desk.enter("closing the bag: its disk does not answer")
+            self.interface.enter("closing the bag: its disk does not answer")
             blocked.clear()
         if not recorder.ended and not any(blocked):
             recorder.kill(f"its bag was not closed within {CLOSE_S:g} s")
 
     def _prepare_bed(self) -> None:
-        self.desk.enter("preparing the bed")
-        bed = self._hearing
+        self.interface.enter("preparing the bed")
+        bed = self._monitor
         asked = Preparation(bed.bed_preparation)
         self._start(AIR, "/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
         done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage), BED_S)
@@ -298,7 +298,7 @@ class Operator(Node):
         bed.prepared = bed.bed_stage, bed.bed_preparation
 
     def _walk(self, trial: PlannedTrial) -> None:
-        legs, before = self._hearing, self._hearing.statuses["tracker"].values
+        legs, before = self._monitor, self._monitor.statuses["tracker"].values
         duration_s = self._plan.duration_s(trial.omega_rad_s)
         # Once more: somebody may have set another ω while the bed was prepared, but the row will have the plan's.
         self._set_gait(trial)
@@ -320,19 +320,19 @@ class Operator(Node):
         if not legs.moving:
             self._explain_rest()
         legs.watch()
-        self._orders.call("/clock/stop")
+        self._service_clients.call("/clock/stop")
         # Before the legs report rest, late reports of this trial could be mistaken for the start of the next.
         if not self._wait(lambda: not legs.moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
-        if fault := camera_fault(before, self._hearing.statuses["tracker"].values):
+        if fault := camera_fault(before, self._monitor.statuses["tracker"].values):
             raise TrialFailed(fault)
 
     def _start(self, what: str, service: str, begun: Callable[[], bool]) -> None:
         """Have legs or air begin, unless somebody has stopped them since this trial began."""
         try:
             with self._allowing(what):
-                self._orders.call(service, begun, self._begun_s)
+                self._service_clients.call(service, begun, self._begun_s)
         except StoppedByHand as error:
             self._stopped_by_hand(str(error))
 
@@ -350,22 +350,22 @@ class Operator(Node):
 
     def _await_last_frame(self, last_ns: int) -> None:
         """Wait for frames that the tracker still processes: milliseconds, or seconds on a busy machine."""
-        tracker = self._hearing
+        tracker = self._monitor
         self._wait(lambda: tracker.speed_ns >= last_ns or tracker.is_quiet(TRACKER_SPEED), DRAIN_S)
         asked_s = tracker.now_s
         self._wait(lambda: tracker.heard_since("tracker", asked_s, topics.DIAGNOSTICS.name), CALL_S)
 
     def _explain_rest(self) -> None:
         """Legs came to rest in mid-trial: a fault ends the trial; a stop by hand, or of the robot, the campaign."""
-        hearing = self._hearing
-        hearing.watch()  # a clock that was stopped is rightly silent on /leg_setpoints
+        monitor = self._monitor
+        monitor.watch()  # a clock that was stopped is rightly silent on /leg_setpoints
         # Still under the lease: a clock that loses it stops, and can't say any more that legs rested while it ran.
-        clock_ran = self._orders.words("/clock/stop") == RAN
+        clock_ran = self._service_clients.words("/clock/stop") == RAN
         self._commanding = False
 
         def fault() -> str:
             # The node that reports the legs may have noticed before us that the clock is gone.
-            return self._fault() or hearing.clock_fault or hearing.robot_lapsed
+            return self._fault() or monitor.clock_fault or monitor.robot_lapsed
 
         self._spin_until(lambda: bool(fault()) or self.hold.now, EXPLAIN_S)
         if self.hold.now:
@@ -377,13 +377,13 @@ class Operator(Node):
     @property
     def _robot_stopped(self) -> str:
         """What is known of a robot that came to rest while the clock moved it: perhaps by a hand on its own switch."""
-        why = self._hearing.robot_warns or "its emergency stop, or its own watchdog?"
+        why = self._monitor.robot_warns or "its emergency stop, or its own watchdog?"
         return f"the robot stopped by itself while it was told to move ({why})"
 
     def _stopped_by_hand(self, what: str) -> NoReturn:
         """Somebody stopped legs or air, perhaps without telling us yet: hold until they say go, or end the campaign."""
         self._spin_until(lambda: self.hold.now, EXPLAIN_S)
-        if not self.hold.now and not self.desk.attended:
+        if not self.hold.now and not self.interface.attended:
             raise CampaignEnds(f"{what}; start the campaign again to go on")
         if not self.hold.now:
             self.hold.stop(what)
@@ -395,9 +395,9 @@ class Operator(Node):
         if self._health.held_up_s:
             return  # its leases have run out: what moves or blows by now is another's
         for name in ("/clock/stop", "/bed/abort"):
-            self._orders.send(name)
+            self._service_clients.send(name)
         self._spin_until(lambda: False, 0.1)
-        self._spin_until(lambda: not self._hearing.moving, SAFE_S)
+        self._spin_until(lambda: not self._monitor.moving, SAFE_S)
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Whether the condition became true in time; raises as soon as there is no point in waiting any longer."""
@@ -434,7 +434,7 @@ class Operator(Node):
             return ""
         if held_s := self._health.held_up_s:
             return f"the campaign was held up for {held_s:.2g} s"
-        level, text, values = self._hearing.statuses.get(RECORDER, NodeStatus())
+        level, text, values = self._monitor.statuses.get(RECORDER, NodeStatus())
         if level > 1:
             # E.g. a full disk: nothing more is recorded, so the legs stop.
             return f"the recorder {text if has_ended(text) else f'failed: {text}'}"
@@ -445,7 +445,7 @@ class Operator(Node):
             return f"the recorder {ending(self._recorder.why_ended)}"
         if self._recorder.frozen:
             return "the recorder is frozen"
-        return self._hearing.fault()
+        return self._monitor.fault()
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         deadline = time.monotonic() + timeout_s
@@ -453,7 +453,7 @@ class Operator(Node):
             now_s = time.monotonic()
             if now_s >= deadline:
                 return False
-            self._hearing.listen()
+            self._monitor.listen()
             self._renew(now_s)
             spin_once(self._executor, self, min(deadline - now_s, RENEW_S))
         return True

@@ -1,4 +1,4 @@
-"""The console node: shows all topics on a page of this host, and carries out the operator's orders.
+"""The console node: shows all topics on a page of this host, and carries out the operator's commands.
 
 The safety state is based on every message of legs and blower, none dropped. Frames and speeds may get lost: the page
 must show the present.

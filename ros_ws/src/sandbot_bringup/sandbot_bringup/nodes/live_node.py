@@ -16,8 +16,8 @@ from sandbot_bringup.config import robot_of
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import Event, Journal
-from sandbot_bringup.nodes.campaign_node import PRIORITY, Operator, keep_complete
-from sandbot_bringup.nodes.desk_node import Desk
+from sandbot_bringup.nodes.campaign_node import PRIORITY, CampaignNode, keep_complete
+from sandbot_bringup.nodes.operator_node import OperatorInterface
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_block
 from sandbot_bringup.queue import Queue, State
 from sandbot_bringup.streak import Streak
@@ -61,26 +61,26 @@ def run_live(
         # Inherited by the receiving threads: late reception would be mistaken for silence.
         with real_time(PRIORITY, inherited=True):
             start_ros([plan.name, *ros_arguments])
-        operator: Operator | None = None
+        node: CampaignNode | None = None
         try:
             domain = rclpy.get_default_context().get_domain_id()
             with real_time(PRIORITY, inherited=True), fresh_participant_number(domain):
-                operator = Operator(plan, robot_of(files), stop, silence_s)
-            operator.find_nodes()
+                node = CampaignNode(plan, robot_of(files), stop, silence_s)
+            node.find_nodes()
             # A trackway has one campaign; the folder may belong to one in another namespace or on another host.
             with folder.adopted(plan, files):
                 keep_complete(folder, trials_of(plan))
                 folder.set_aside(redo() if redo else {})
-                campaign = _Campaign(operator, plan, folder, files)
+                campaign = _Campaign(node, plan, folder, files)
                 try:
                     campaign.run_all()
                     if redo is not None and campaign.repeat_failed():
                         campaign.run_all()
                 finally:
-                    operator.restore_settings()
+                    node.restore_settings()
         finally:
-            if operator is not None:
-                end_timers(operator)
+            if node is not None:
+                end_timers(node)
             rclpy.try_shutdown()
     return campaign.queue
 
@@ -88,22 +88,22 @@ def run_live(
 class _Campaign:
     """The queue with its journal, status and plan on disk."""
 
-    def __init__(self, operator: Operator, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
-        self._operator, self._folder = operator, folder
+    def __init__(self, node: CampaignNode, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
+        self._node, self._folder = node, folder
         self._attachments: list[Path] = [folder.plan_file, *(folder.path / name for name in files)]
         self._files, self._streak = files, Streak()
         journal = Journal(folder.journal, time.time)
         waiting = {trial.trial_id for trial in folder.missing(trials_of(plan))}
         finished = {trial.trial_id for trial in trials_of(plan)} - waiting
         self.queue = Queue(plan, finished, journal.earlier)
-        self._desk = operator.desk = Desk(
-            operator, folder.path, self.queue, operator.hold_services, journal, lambda grown: folder.adopt(grown, files)
+        self._interface = node.interface = OperatorInterface(
+            node, folder.path, self.queue, node.hold_services, journal, lambda grown: folder.adopt(grown, files)
         )
-        self._desk.look = _shown(looks_of(folder))
-        self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
+        self._interface.look = _shown(looks_of(folder))
+        self._interface.note("begin", trials=len(self.queue.entries), finished=len(finished))
         self._note_kept(journal.earlier)
-        if operator.hold.why:  # held before there was a journal
-            self._desk.note("hold", who="operator", reason=operator.hold.why)
+        if node.hold.why:  # held before there was a journal
+            self._interface.note("hold", who="operator", reason=node.hold.why)
 
     def _note_kept(self, earlier: Sequence[Event]) -> None:
         """Write the events of trials that were over when a campaign was killed, before it could write them itself."""
@@ -113,7 +113,7 @@ class _Campaign:
                 with suppress(InputError, OSError):  # damaged since: it has no figures
                     measured = _measured(row_from_bag(self._folder.bag(entry.trial)))
                     self.queue.finish(name, math.nan, measured)
-                    self._desk.note("done", trial_id=name, measured=measured)
+                    self._interface.note("done", trial_id=name, measured=measured)
 
     def run_all(self) -> None:
         """Run until nothing waits. However it ends, the journal records it."""
@@ -130,23 +130,23 @@ class _Campaign:
             reason = str(error)
             raise
         finally:
-            self._desk.end(reason)
+            self._interface.end(reason)
 
     def repeat_failed(self) -> bool:
         """Queue the failed trials again; returns whether there were any."""
         failed = list(self.queue.failed)
         for trial_id in failed:
-            self._desk.note("repeat", trial_id=trial_id, reason=self.queue.failed[trial_id])
+            self._interface.note("repeat", trial_id=trial_id, reason=self.queue.failed[trial_id])
             self.queue.repeat(trial_id)
         return bool(failed)
 
     def _run_next(self, bar: Any) -> bool:
         """Run the next trial, once the campaign is not held; returns whether there was one."""
-        hold = self._operator.hold
+        hold = self._node.hold
         hold.between_trials()
         if hold.why:
             bar.write(HELD.format(hold.why))
-        self._operator.await_go()
+        self._node.await_go()
         trial = self.queue.next()
         if trial is None:
             return False
@@ -158,10 +158,10 @@ class _Campaign:
         """Nothing waits: in a campaign until a verdict, plan the next block. Returns whether there is one."""
         if not self.queue.plan.until or not self.queue.measured:
             return False
-        self._desk.enter("looking at the trials so far")
+        self._interface.enter("looking at the trials so far")
         entry = self._take_look()
-        self._desk.look = _shown([entry])
-        self._desk.note("look", **{key: entry[key] for key in ("look", "text", "stop")})
+        self._interface.look = _shown([entry])
+        self._interface.note("look", **{key: entry[key] for key in ("look", "text", "stop")})
         bar.write(f"look {entry['look']}: {entry['text']}")
         if entry["next"]:
             # In addition to trials that the operator has added meanwhile, which are run in any case.
@@ -175,7 +175,7 @@ class _Campaign:
         with pool(1, "spawn") as looking:
             future = looking.submit(decide, self.queue.plan, self._folder, self.queue.skipped)
             try:
-                self._operator.wait_for(future.done)
+                self._node.wait_for(future.done)
             except BaseException:
                 # The result is no longer wanted.
                 for worker in multiprocessing.active_children():
@@ -190,32 +190,32 @@ class _Campaign:
     def _run(self, trial: PlannedTrial, bar: Any) -> None:
         name, begun_s = trial.trial_id, time.monotonic()
         self.queue.begin(name)
-        self._desk.note("start", trial_id=name)
+        self._interface.note("start", trial_id=name)
         try:
-            row = self._operator.run(trial, self._folder, self._attachments)
+            row = self._node.run(trial, self._folder, self._attachments)
         except Held as error:
             self.queue.put_back(name, str(error))
-            self._desk.note("stopped", trial_id=name, reason=str(error))
+            self._interface.note("stopped", trial_id=name, reason=str(error))
         except TrialFailed as error:
             self.queue.fail(name, str(error))
             bar.write(f"{name}: failed: {error}")  # before the journal, whose disk may be the reason
-            self._desk.note("failed", trial_id=name, reason=str(error))
+            self._interface.note("failed", trial_id=name, reason=str(error))
             if self.queue.waiting and (why := self._streak.failed(str(error))):
                 self._hold_or_end(why)
         else:
             self._streak.end()
             seconds, measured = round(time.monotonic() - begun_s, 2), _measured(row)
             self.queue.finish(name, seconds, measured)
-            self._desk.note("done", trial_id=name, seconds=seconds, measured=measured)
+            self._interface.note("done", trial_id=name, seconds=seconds, measured=measured)
             bar.update()
 
     def _hold_or_end(self, why: str) -> None:
         """Hold the campaign if a console runs, otherwise end it."""
-        if not self._desk.attended:
+        if not self._interface.attended:
             raise CampaignEnds(f"{why}; fix it, then start the campaign again to go on")
         self._streak.end()
-        self._operator.hold.stop(why)
-        self._desk.note("hold", reason=why)
+        self._node.hold.stop(why)
+        self._interface.note("hold", reason=why)
 
 
 def _shown(looks: Sequence[Entry]) -> Entry | None:

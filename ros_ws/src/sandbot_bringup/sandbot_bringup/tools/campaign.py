@@ -173,7 +173,7 @@ def _add_until(parser: argparse.ArgumentParser) -> None:
     for spec in specs(Plan):
         if spec.name in VERDICT_KEYS and spec.name != "budget":
             text = f"{spec.doc} (--until; default: {usual[spec.name]})"
-            metavar = "SHARE" if spec.name.startswith("bed_") else None
+            metavar = "FRACTION" if spec.name.startswith("bed_") else None
             parser.add_argument(_flag(spec.name), type=spec.type, metavar=metavar, help=text)
 
 

@@ -54,7 +54,7 @@ def phi_levels(phi: Floats) -> Ints:
 
 
 def same_within(values: Floats, tolerance: float) -> Ints:
-    """The index of each value among the distinct ones, where steps below a relative tolerance count as equal."""
+    """The index ``(n,)`` of each value among the distinct ones; steps below a relative tolerance count as equal."""
     order = np.argsort(values)
     step = np.diff(values[order]) > tolerance * np.abs(values[order][1:])
     group = np.empty(len(values), dtype=np.int64)
@@ -63,7 +63,7 @@ def same_within(values: Floats, tolerance: float) -> Ints:
 
 
 def frequencies(omega: Floats) -> Floats:
-    """The distinct leg frequencies [rad/s], ascending: the mean of those that are one condition, to 0.001."""
+    """The distinct leg frequencies [rad/s] of trials ``(n,)``, ascending: means of those of one condition, to 0.001."""
     group = same_within(omega, OMEGA_TOLERANCE)
     return np.asarray(np.round(np.bincount(group, omega) / np.bincount(group), 3))
 

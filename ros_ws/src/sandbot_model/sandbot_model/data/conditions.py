@@ -79,7 +79,7 @@ class Cells:
     error_bars: bool = False
     """Whether pure error is that of the error bars given, and not the scatter of replicates."""
     batch_share: Floats | None = None
-    """Share of a cell's trials in each batch, (n, batches); None: at most one is named."""
+    """Fraction of a cell's trials in each batch, (n, batches); None: at most one is named."""
     batch_mean: Floats | None = None
     """Mean of a cell's trials in each batch, (n, batches, 4); NaN without any."""
     order: Floats | None = None

@@ -2,7 +2,7 @@
 
 The bed misses its target by a little and φ is measured after every preparation, so this explains a good part of the
 scatter of replicates. The slope comes from the cell means of neighbouring levels, not from any model; the reliability
-ρ, the share of the measured deviation that is real and not noise of the height sensor, comes from the replicates.
+ρ, the fraction of the measured deviation that is real and not noise of the height sensor, comes from the replicates.
 """
 
 import numpy as np

@@ -29,13 +29,13 @@ FAR_TOO_FAR = 3.0
 """The ratio beyond which a table is refused: a wrong unit gives at least 2π (Hz for rad/s). Smaller ratios may be due
 to another robot, which the verdict doubts (``plausibility``)."""
 SLIPS = 0.1
-"""Share of such values up to which they are reported as slips in single trials; more are refused as a wrong unit."""
+"""Fraction of such values up to which they are reported as slips in single trials; more are refused as a wrong unit."""
 LIMITS = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
 """Kinematic limits of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
 steps take a period 2π/ω. It lifts the body from lying on its belly to standing on the legs; and a foot that does not
 slip moves the body at the speed of the leg."""
 LOW_PEAK, IN_MOST = 0.9, 0.8
-"""Ratio of peak to mean speed below which a trial is suspicious, and share of such trials from which a table is."""
+"""Ratio of peak to mean speed below which a trial is suspicious, and fraction of such trials from which a table is."""
 FAST = 60.0
 """Leg frequency [rad/s] above which trials are named; no plan allows more."""
 APPROVING = frozenset(
@@ -51,7 +51,7 @@ CLEARLY_LIFTED = 4.0
 COARSE = 0.5
 """Ratio of rounding step to scatter beyond which replicates show the rounding, not the noise."""
 RUNS_BACK = 0.1
-"""Share of trials as far below 0 as others are above, beyond which they are not outliers but backward runs."""
+"""Fraction of trials as far below 0 as others are above, beyond which they are not outliers but backward runs."""
 MOVED = 0.1
 """Ratio to the kinematic limit beyond which a robot has moved; half the readings of a stuck one are below 0."""
 AT_THE_END = 3
@@ -59,11 +59,11 @@ AT_THE_END = 3
 accident of rounding."""
 LEAST_AT_THE_END = 5
 NEARLY = 0.9
-"""Share of the axles' height at rest below which no reading of that height lies."""
+"""Fraction of the axles' height at rest below which no reading of that height lies."""
 LOST = 0.7
 """Step from the speed over step from the lift (the geometry lock): losses leave more than this of a step."""
 A_FEW = 2
-"""Number of trials that may be outliers even in a small table, whatever their share."""
+"""Number of trials that may be outliers even in a small table, whatever their fraction."""
 WIDE = 0.0015
 """Scatter of φ within a level that a prepared bed does not reach (it misses its target by 0.0005 to 0.001)."""
 TREND_P = 1e-3
@@ -347,8 +347,8 @@ def _no_levels(used: Trials) -> list[str]:
 
 
 def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
-    """Trials far from every other of their cell, both as they are and as shares of its median: noise may be constant or
-    in proportion to what is measured."""
+    """Trials far from every other of their cell, both as they are and as fractions of its median: noise may be constant
+    or in proportion to what is measured."""
     median = np.stack([np.median(values[cell == one], axis=0) for one in range(cell.max() + 1)])[cell]
     with np.errstate(invalid="ignore", divide="ignore"):
         far = np.minimum(*(_distances(each, values, cell) for each in (values, values / np.abs(median))))
@@ -425,10 +425,10 @@ def _about_cell_means(column: Floats, cell: Ints) -> tuple[Floats, int]:
 
 
 def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
-    """Change of a column over the whole run order, and its p-value: a regression of trials about their cell's mean.
+    """Change of a column over the whole run order, in its unit, and its p-value: a regression about cell means.
 
-    Column and order are centred on the means of the same trials, so no model and no effect of φ or ω enters; NaN with
-    too few replicates.
+    All are ``(trials,)``. Column and order are centred on the means of the same trials, so no model and no effect of φ
+    or ω enters; NaN with too few replicates.
     """
     finite = np.isfinite(column) & np.isfinite(order)
     y, dof = _about_cell_means(np.where(finite, column, np.nan), cell)

@@ -5,9 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from sandbot_common.accuracy import Accuracy
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_common.robot import Robot
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import clock, duty, peaks_resolved, slow_phase_ratio
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import Observable
@@ -24,7 +23,7 @@ HELD_M = 0.01
 """A first step that is longer than a swimmer's by at least this was made on ground that held."""
 
 
-def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
+def walks(values: Floats, least_lift_m: Floats | float = WALKING_LIFT_M) -> Bools:
     """Whether the robot walked ``(...)``, from measured observables ``(..., 4)``: its body was lifted by more than
     ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. If its peak speed, or where that
     was not measured its speed, was a swimmer's, its lift must exceed what an error of the lift zero can explain.
@@ -35,7 +34,7 @@ def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
     return np.where(np.isfinite(lift), lifted, speed > WALKING_SPEED_M_S)
 
 
-def swam_from_start(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
+def swam_from_start(gaits: Iterable[str], omega: Floats, values: Floats) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, in a gait with two rates.
 
     How far they get in it depends on when the leg passes its lowest point, and so on how it is mounted on its shaft,
@@ -46,7 +45,7 @@ def swam_from_start(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
     return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))
 
 
-def starts_on_both_tripods(gaits: Iterable[str]) -> Bool:
+def starts_on_both_tripods(gaits: Iterable[str]) -> Bools:
     """Trials ``(n,)`` in gaits whose slow phase lasts more than half a period: both tripods drive their first step.
 
     The second tripod is in its slow phase as the robot sets out, and takes hold again before the step is over.
@@ -56,13 +55,13 @@ def starts_on_both_tripods(gaits: Iterable[str]) -> Bool:
 
 
 def peaks_seen(
-    gaits: Iterable[str], omega: Array, values: Array, robot: Robot, accuracy: Accuracy, rate_hz: float
-) -> Bool:
+    gaits: Iterable[str], omega: Floats, values: Floats, robot: Robot, accuracy: Accuracy, rate_hz: float
+) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` whose peak speed the cameras resolve for any stance that the lift allows."""
     return peaks_resolved(clock([*gaits]), omega, _stance_rad(values, robot, accuracy), robot.leg_mount_rad, rate_hz)
 
 
-def peaks_of_some(values: Array, cell: Ints) -> Bool:
+def peaks_of_some(values: Floats, cell: Ints) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` in conditions ``cell (n,)`` where some have a walker's peak speed and others
     swim and have none: the mean of those that have one is not what a prediction for all trials is to be held against.
     """
@@ -72,11 +71,11 @@ def peaks_of_some(values: Array, cell: Ints) -> Bool:
     return np.asarray((walker & swimmer)[cell])
 
 
-def lifts_cut_off(values: Array) -> Bool:
+def lifts_cut_off(values: Floats) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` that swam, in a table whose lifts are cut off at 0; none in any other.
 
     A swimmer's lift scatters about the zero of the reading, as often below as above. Where none is negative and several
-    are exactly 0, what was below was set to 0, or nothing was read: their mean tells nothing of that zero.
+    are exactly 0, what was below was set to 0, or nothing was read: their mean says nothing about that zero.
     """
     lift = values[:, Observable.lift]
     above = lift[lift > 0]
@@ -85,7 +84,7 @@ def lifts_cut_off(values: Array) -> Bool:
     return np.asarray(cut & np.isfinite(lift) & ~walks(values))
 
 
-def _stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:
+def _stance_rad(values: Floats, robot: Robot, accuracy: Accuracy) -> tuple[Floats, Floats]:
     """The least and the largest leg angle [rad] at which stance may have ended in trials of values ``(n, 4)``, given
     the usual scatter of their lift; NaN where lift was not measured, or nothing was lifted.
     """

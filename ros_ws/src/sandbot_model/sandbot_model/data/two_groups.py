@@ -35,7 +35,7 @@ def far_apart(noise: Floats, usual: Floats) -> Bools:
 
 
 def two_groups(residual: Floats, cell: Ints, names: NDArray[np.str_], run_order: Floats) -> TwoGroups | None:
-    """The split that removes the largest share of the variance of residuals ``(trials, 4)`` about the means of their
+    """The split that removes the largest fraction of the variance of residuals ``(trials, 4)`` about the means of their
     ``cell (trials,)``, averaged over observables. Both orders are tried; None where no split removes any.
     """
     orders = [np.arange(len(cell))]

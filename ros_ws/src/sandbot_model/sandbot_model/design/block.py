@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.design.explanations import Explanation
 from sandbot_model.design.information import information
-from sandbot_model.physics.arrays import Array
 
 
-def block(explanations: Sequence[Explanation], cost_s: Array, size: int) -> list[int]:
+def block(explanations: Sequence[Explanation], cost_s: Floats, size: int) -> list[int]:
     """Indices of ``size`` places, chosen greedily: each adds most information per second to those before it.
 
     A place may be chosen twice: replicates compete with new conditions by the same measure, since the joint prediction
@@ -24,7 +24,7 @@ def block(explanations: Sequence[Explanation], cost_s: Array, size: int) -> list
     return chosen
 
 
-def expected_information(explanations: Sequence[Explanation], blocks: Sequence[Sequence[int]]) -> Array:
+def expected_information(explanations: Sequence[Explanation], blocks: Sequence[Sequence[int]]) -> Floats:
     """Information [nat] on which of equally probable explanations holds, from each block of trials ``(blocks,)``."""
     predicted = [explanation.of(np.array(blocks)) for explanation in explanations]
     means = np.stack([mean for mean, _ in predicted], axis=-2)

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.design.explanations import Explanation, explained_by
 from sandbot_model.design.places import Places, scatter_of_one
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
 ELSE = "something else"
@@ -45,6 +45,6 @@ def something_else(fit: Fit, places: Places, gross: float) -> Explanation:
     return replace(leading, name=ELSE, mean=mean, common=common)
 
 
-def _correlation(first: Array, second: Array, span: Array) -> Array:
+def _correlation(first: Floats, second: Floats, span: Floats) -> Floats:
     distance = (first[:, None] - second) / span
     return np.asarray(np.exp(-0.5 * np.sum(distance**2, axis=-1)))

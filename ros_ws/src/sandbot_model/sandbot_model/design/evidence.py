@@ -27,7 +27,7 @@ WEAK, USUAL = 0.5, 1.0
 """Strengths to exclude, relative to an effect's usual one."""
 
 NONE = 1e-9
-"""A share of trials that amounts to none; ``Criteria`` does not allow 0."""
+"""A fraction of trials that amounts to none; ``Criteria`` does not allow 0."""
 
 
 def at_every_look(alpha: float, effects: int, criteria: Criteria) -> Criteria:
@@ -74,7 +74,7 @@ class AddedEffect:
 def added_effects(
     search: EffectSearch, named: Fit, alpha: float, share: float, more: Sequence[str]
 ) -> list[AddedEffect]:
-    """Each of the effects ``more`` added to the named set, at a share of its usual strength."""
+    """Each of the effects ``more`` added to the named set, at a fraction of its usual strength."""
     sets = [search.extended(named.effects, [name])[0] for name in more]
     held = [_held(search, name, named.effects, share) for name in more]
     fits = search.near([search.model(names, at) for names, at in zip(sets, held, strict=True)], named)
@@ -93,7 +93,7 @@ def excluding_rise(named: Fit, alpha: float) -> float:
 
 
 def _held(search: EffectSearch, name: str, named: Names, share: float) -> dict[str, float]:
-    """Values at which the effect's parameters are held: the usual ones, with the strength at a share of its own."""
+    """Values at which the effect's parameters are held: the usual ones, with the strength at a fraction of its own."""
     strength = dict(search.strengths(named)).get(name)
     usual = {f"{name}.{parameter.name}": parameter.start for parameter in search.effects[name].parameters}
     if strength is not None and strength.neutral is not None:

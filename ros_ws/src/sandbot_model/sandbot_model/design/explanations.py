@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.design.places import Places
 from sandbot_model.discovery.batch_sd import BATCH_SCALE, BATCH_ZERO, batch_sd_of
 from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.observables import Observable
 
@@ -21,12 +21,12 @@ class Explanation:
     """One explanation's predictions at ``n`` places, in standard deviations of one trial."""
 
     name: str
-    mean: Array
+    mean: Floats
     """``(n, 4)``"""
-    common: Array
+    common: Floats
     """Covariance between places ``(n, 4, n, 4)`` from the parameters' uncertainty and from errors that trials share."""
 
-    def of(self, trials: Array) -> tuple[Array, Array]:
+    def of(self, trials: Floats) -> tuple[Floats, Floats]:
         """Mean ``(..., 4t)`` and covariance ``(..., 4t, 4t)`` of trials at places ``trials (..., t)``."""
         count = trials.shape[-1]
         common = self.common[trials[..., :, None], :, trials[..., None, :], :]
@@ -56,7 +56,7 @@ def name_of(fit: Fit) -> str:
     return " + ".join(fit.effects) or "the base model"
 
 
-def readings(fit: Fit, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
+def readings(fit: Fit, phi: Floats, omega: Floats, clock: Clock | None = None) -> Floats:
     """Expected readings at ``n`` places ``(n, 4)``, with the fitted lift zero and speed scale."""
     predicted = np.nan_to_num(fit.predict(phi, omega, clock).observables)
     zero_m, scale = zero_and_scale(fit)
@@ -78,7 +78,7 @@ def zero_and_scale(fit: Fit) -> tuple[Estimate, Estimate]:
     )
 
 
-def reading_errors(predicted: Array, zero_m: float, scale: float) -> Array:
+def reading_errors(predicted: Floats, zero_m: float, scale: float) -> Floats:
     """Changes of ``predicted (n, 4)`` by a lift zero and by a speed scale ``(2, n, 4)``."""
     errors = np.zeros((2, *predicted.shape))
     errors[0, :, Observable.lift] = zero_m
@@ -86,6 +86,6 @@ def reading_errors(predicted: Array, zero_m: float, scale: float) -> Array:
     return errors
 
 
-def _diagonal(variance: Array) -> Array:
+def _diagonal(variance: Floats) -> Floats:
     """Covariance ``(n, 4, n, 4)`` of independent errors with variances ``(n, 4)``."""
     return np.diag(variance.ravel()).reshape(*variance.shape, *variance.shape)

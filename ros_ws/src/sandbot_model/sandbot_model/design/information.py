@@ -12,10 +12,10 @@ Reiner (1965) do, with the parameters' uncertainty as well as the leading term o
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats
 
 
-def information(weights: Array, means: Array, covariances: Array) -> Array:
+def information(weights: Floats, means: Floats, covariances: Floats) -> Floats:
     """Bound on I [nat] ``(...)`` for explanations of ``weights (m,)``, ``means (..., m, n)``, ``covariances
     (..., m, n, n)``."""
     distance = bhattacharyya(
@@ -24,7 +24,7 @@ def information(weights: Array, means: Array, covariances: Array) -> Array:
     return np.asarray(-np.log(np.exp(-distance) @ weights) @ weights)
 
 
-def bhattacharyya(mean: Array, other: Array, covariance: Array, other_covariance: Array) -> Array:
+def bhattacharyya(mean: Floats, other: Floats, covariance: Floats, other_covariance: Floats) -> Floats:
     """Distance ``(...)`` of Gaussians: ⅛ Δᵀ S⁻¹ Δ + ½ ln(|S| / √(|Σ₁||Σ₂|)), S = (Σ₁ + Σ₂)/2."""
     average, gap = 0.5 * (covariance + other_covariance), mean - other
     mahalanobis = np.sum(gap * np.linalg.solve(average, gap[..., None])[..., 0], axis=-1)
@@ -32,5 +32,5 @@ def bhattacharyya(mean: Array, other: Array, covariance: Array, other_covariance
     return np.asarray(mahalanobis / 8 + 0.5 * widening)
 
 
-def _ln_det(matrix: Array) -> Array:
+def _ln_det(matrix: Floats) -> Floats:
     return np.asarray(np.linalg.slogdet(matrix)[1])

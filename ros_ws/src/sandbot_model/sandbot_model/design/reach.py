@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.design.explanations import reading_errors
 from sandbot_model.design.places import Places
 from sandbot_model.discovery.next_trials import SETTLED_SD
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 
 
 def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], float]:
@@ -32,11 +32,11 @@ def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], f
     return gain
 
 
-def _predicted(fit: Fit, places: Places) -> Array:
+def _predicted(fit: Fit, places: Places) -> Floats:
     return np.nan_to_num(fit.predict(places.phi, places.omega, places.clock).observables)
 
 
-def _unabsorbed(gap: Array, free: Array, prior: Array) -> float:
+def _unabsorbed(gap: Floats, free: Floats, prior: Floats) -> float:
     """Least |gap - aᵀ free - bᵀ prior|² + |b|²."""
     priors = np.eye(len(free) + len(prior))[len(free) :]
     slopes = np.concatenate([np.concatenate([free, prior]).T, priors])

@@ -5,9 +5,9 @@ from itertools import combinations
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.design.discrepancy import ELSE
 from sandbot_model.design.explanations import Explanation
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
 LABELS = [observable.label for observable in Observable]
@@ -26,12 +26,12 @@ def because(explanations: Sequence[Explanation], place: int) -> str:
     return f"{pair[0].name} and {pair[1].name} differ there by {size:.1f} sd in the {LABELS[observable]}"
 
 
-def _gap(first: Explanation, second: Explanation, place: int) -> Array:
+def _gap(first: Explanation, second: Explanation, place: int) -> Floats:
     """Difference of two explanations in each observable ``(4,)``."""
     difference = np.abs(first.mean[place] - second.mean[place])
     return np.asarray(difference / np.sqrt(1.0 + _variance(first, place) + _variance(second, place)))
 
 
-def _variance(explanation: Explanation, place: int) -> Array:
+def _variance(explanation: Explanation, place: int) -> Floats:
     """Variance of each observable ``(4,)``, without the noise of the trial."""
     return np.diagonal(explanation.common[place, :, place, :])

@@ -7,6 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import ladder_rows
@@ -14,7 +15,6 @@ from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.plain import data_summary, number
 from sandbot_model.fitting.text import html_table, table
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.model import model_of
@@ -40,7 +40,7 @@ class Comparison(Sequence[Fit]):
         return self.fit.cells
 
     @cached_property
-    def lock(self) -> Array:
+    def lock(self) -> Floats:
         """See ``geometry_lock``."""
         return geometry_lock(self.cells)
 
@@ -94,7 +94,7 @@ def compare(
     return Comparison((*steps[:-1], with_sampled_errors(steps[-1])))
 
 
-def geometry_lock(cells: Cells) -> Array:
+def geometry_lock(cells: Cells) -> Floats:
     """Step length by speed over step length by lift ``(cells,)``; NaN where either is missing or the robot swims.
 
     Both determine the step: s = πv̄/ω and s = 2√(Δz(2R - Δz)). Their ratio is 1 for every effect on strength or balance;

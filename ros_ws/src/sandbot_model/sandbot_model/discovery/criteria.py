@@ -28,9 +28,9 @@ class Criteria:
     """Gain in deviance that each effect must bring. The best of some 25 absent effects gains as much in less than 1 %
     of worlds where nothing is missing."""
     lone_trials: float = 0.05
-    """Largest share of the conditions that may be left out as unreplicated outliers."""
+    """Largest fraction of the conditions that may be left out as unreplicated outliers."""
     one_cell: float = 0.5
-    """Share of the claim that must remain without the cell that gains most: no effect rests on a single cell."""
+    """Fraction of the claim that must remain without the cell that gains most: no effect rests on a single cell."""
     clearly: float = 10.0
     """Difference in BIC from which one set of effects is clearly worse than another (weights of 150 to 1)."""
     term: float = 22.0
@@ -45,7 +45,7 @@ class Criteria:
     drift: float = 0.03
     """Prior standard deviation of the relative drift of k over a campaign."""
     all_but_a_rest: float = 0.9
-    """Share of the excess deviance that one effect must remove to be named if the rest shows in several observables."""
+    """Fraction of the excess deviance an effect must remove to be named if the rest shows in several observables."""
     shared: float = 6.0
     """Gain in -2 ln likelihood from which batches are assumed to differ."""
 
@@ -70,5 +70,5 @@ def of_bed(scatter: float | None, drift: float | None) -> Criteria:
     for name, value in known.items():
         if not 0.0 < value <= WIDEST:
             option = "--bed-scatter" if name == "bed_scatter" else "--bed-drift"
-            raise InputError(f"{option} {value:g}: a share above 0 and up to {WIDEST:g} is needed, 0.007 for 0.7 %")
+            raise InputError(f"{option} {value:g}: a fraction above 0 and up to {WIDEST:g} is needed, 0.007 for 0.7 %")
     return replace(DEFAULT, **known)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
 from sandbot_model.data.penetrometer import Readings
@@ -22,7 +23,6 @@ from sandbot_model.discovery.nuisances_about import ALONG, DRIFT
 from sandbot_model.discovery.verdict import NAMES_EFFECTS
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.observables import COLUMNS, Observable, shared_variance
@@ -137,7 +137,7 @@ def redrawn_readings(truth: Fit, rng: np.random.Generator) -> Readings | None:
     return Readings(truth.level_phi[real.level] + real.away, real.depth, drawn, real.sd)
 
 
-def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
+def _observed(trials: Trials, cell: Floats, truth: Fit, rng: np.random.Generator) -> Floats:
     """Simulated observables ``(trials, 4)``, with the scatter of single trials and the nuisances that trials share."""
     offset = _ln_k_offset(trials, cell, truth, rng)
     values = np.empty((len(trials), len(Observable)))
@@ -155,7 +155,7 @@ def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator)
     return values
 
 
-def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
+def _ln_k_offset(trials: Trials, cell: Floats, truth: Fit, rng: np.random.Generator) -> Floats:
     """Offset of each trial's ln k: the fitted drift, and an offset drawn for its batch."""
     offset = np.zeros(len(trials))
     nuisances = truth.nuisances
@@ -168,7 +168,7 @@ def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generat
     return offset
 
 
-def _batch_offsets(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.random.Generator) -> Array:
+def _batch_offsets(trials: Trials, cell: Floats, truth: Fit, name: str, rng: np.random.Generator) -> Floats:
     """An offset of the nuisance ``name`` drawn for each trial's batch; 0 where the fit has no such nuisance."""
     sd = batch_sd_of(truth)[name] if truth.nuisances is not None else 0.0
     if not sd:
@@ -178,7 +178,7 @@ def _batch_offsets(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.r
     return sd * rng.standard_normal(int(batch.max()) + 1)[batch]
 
 
-def _root(cells: Cells) -> Array:
+def _root(cells: Cells) -> Floats:
     """A root A of the covariance A Aᵀ of one trial in each cell ``(n, 4, 4)``, without what replicates share."""
     shared = shared_variance(cells.accuracy, np.nan_to_num(cells.mean))[:, :, None] * np.eye(len(Observable))
     count = np.sqrt(np.maximum(cells.n, 1).astype(float))

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import hadamard
 
 from sandbot_common.accuracy import Accuracy
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
@@ -36,7 +36,7 @@ _SIGNS = hadamard(8)[:, 1:5]
 class Fingerprint:
     """``missed (φ, ω, 4)``: measured minus fitted, in standard errors of the mean of ``TRIALS`` trials."""
 
-    missed: Array
+    missed: Floats
 
     def largest(self, observable: Observable) -> tuple[float, float, float]:
         """(standard errors, φ, ω [rad/s]) where the effect is largest in one observable."""

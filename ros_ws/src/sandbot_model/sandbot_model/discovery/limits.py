@@ -24,7 +24,7 @@ AIMED_AT, ACCEPTED = 1.05, 1.3
 """√ of the rise of the deviance at which the next value aims, and up to which a limit is accepted, as a multiple of
 what is asked: below 1 it would be no limit."""
 STAIRCASE = 1e-4
-"""Share of the plausible range below which a standard error is that of a step, not of the parameter."""
+"""Fraction of the plausible range below which a standard error is that of a step, not of the parameter."""
 OUTWARDS = 3.0
 """Most by which the distance from the best value grows from one value to the next."""
 

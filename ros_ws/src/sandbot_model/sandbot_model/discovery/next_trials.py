@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import Robot
 from sandbot_model.data.clustering import frequencies
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import clock_signal
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import NAMES, usual_noise
@@ -150,7 +150,7 @@ def _with_shared_replicates(
 
 
 def _most_informative(
-    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial], within_reach: int
+    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Floats, chosen: Sequence[NextTrial], within_reach: int
 ) -> NextTrial | None:
     """The measurement that adds most to ``separated (pairs,)``, or None. It is reported for the pair that gains most;
     if all its pairs are separated already, it is proposed only where ``LEAST_REPLICATES`` are enough."""
@@ -184,23 +184,23 @@ class Predicted:
     name: str
     gait: str
     """The gait of most trials, in which the candidates are run, too; see ``known_gait``."""
-    phi: Array
-    omega: Array
-    noise: Array
+    phi: Floats
+    omega: Floats
+    noise: Floats
     """Standard deviation of one replicate ``(4,)``."""
-    trials: Array
+    trials: Floats
     """Observables ``(φ, ω, 4)``."""
-    moves: Array
+    moves: Floats
     """Changes of ``trials`` with the parameters ``(m, φ, ω, 4)``, the sum of whose products is their covariance."""
-    scatter: Array
+    scatter: Floats
     """Variance of ``trials`` from the scatter of φ, ``(φ, ω, 4)``."""
-    depth_m: Array
-    force: Array
+    depth_m: Floats
+    force: Floats
     """Force of the penetrometer ``(φ, depths)``."""
-    force_sd: Array
+    force_sd: Floats
 
     @property
-    def variance(self) -> Array:
+    def variance(self) -> Floats:
         """Variance of ``trials`` from the uncertainty of the parameters and the scatter of φ, ``(φ, ω, 4)``."""
         return np.asarray((self.moves**2).sum(axis=0) + self.scatter)
 
@@ -264,7 +264,7 @@ def known_gait(gait: str) -> str:
     return gait if clock_signal(gait) else ""
 
 
-def depths_m(robot: Robot) -> Array:
+def depths_m(robot: Robot) -> Floats:
     """Depths at which readings are proposed ``(depths,)``, to three digits."""
     return np.array([float(f"{share * deepest_m(robot):.3g}") for share in DEPTHS])
 
@@ -305,7 +305,7 @@ def replicates_for(chi2: float, given: float = 0.0) -> int:
     return max(LEAST_REPLICATES, math.ceil((SETTLED_SD**2 - given) / chi2))
 
 
-def _finer(omega: Array) -> Array:
+def _finer(omega: Floats) -> Floats:
     if len(omega) < 2:
         return omega
     steps = [np.linspace(a, b, FINER + 1, endpoint=False) for a, b in pairwise(omega)]

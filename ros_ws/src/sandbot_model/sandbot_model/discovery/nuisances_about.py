@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
@@ -29,7 +30,6 @@ from sandbot_model.fitting.nuisances import (
     scatter_of_batches,
     sizes_tried,
 )
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import NEW
 
@@ -65,7 +65,7 @@ def nuisances_for(fit: Fit, criteria: Criteria, batch_sd: BatchSd = ALIKE, drift
     trend = drift or Estimate(0.0, criteria.drift)
     slope, share, order = slope_by_ln_k(fit.problem, fit.state), batch_share(fit), fit.cells.order
     none, (lift, along) = np.zeros(len(fit.cells)), _slopes_of_readings(fit)
-    found: list[tuple[str, float, Array, Array]] = []
+    found: list[tuple[str, float, Floats, Floats]] = []
     for name, of_one, moves_k in ((BATCH, slope, True), (BATCH_ZERO, lift, False), (BATCH_SCALE, along, False)):
         if sd := batch_sd[name]:
             found += [(name, sd, of_one * batch[:, None], batch if moves_k else none) for batch in share.T]
@@ -81,7 +81,7 @@ def nuisances_for(fit: Fit, criteria: Criteria, batch_sd: BatchSd = ALIKE, drift
     return Nuisances(names, np.array(sds), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1), mean)
 
 
-def _slopes_of_readings(fit: Fit) -> Array:
+def _slopes_of_readings(fit: Fit) -> Floats:
     """d(cell mean)/d(lift zero) and d(cell mean)/d(scale along the track) ``(2, cells, 4)``."""
     lift, along = slopes = np.zeros((2, *fit.predicted.shape))
     lift[:, Observable.lift] = 1.0
@@ -89,7 +89,7 @@ def _slopes_of_readings(fit: Fit) -> Array:
     return slopes
 
 
-def _current_estimates(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
+def _current_estimates(fit: Fit, names: Sequence[str]) -> tuple[Floats, Floats]:
     """A fit's estimates of nuisances and their standard errors ``(m,)``; 0 and ∞ for those it does not have."""
     known: dict[str, list[Estimate]] = {}
     for name, estimate in zip(fit.nuisances.names if fit.nuisances else (), fit.shared, strict=True):
@@ -189,7 +189,7 @@ def averaged_with(fit: Fit, others: Sequence[Fit]) -> Fit:
     return replace(fit, stderr=stderr, covariance=moments, sample=None)
 
 
-def _moments_about(fit: Fit, other: Fit) -> Array:
+def _moments_about(fit: Fit, other: Fit) -> Floats:
     """Second moments of another model's unknowns about a fit's, for the unknowns of the fit."""
     ours, names, levels = fit.model.names, list(other.model.names), np.arange(len(fit.point.ln_k))
     both = [at for at, name in enumerate(ours) if name in names and fit.model.parameter(name).doc != NEW]
@@ -204,7 +204,7 @@ def _moments_about(fit: Fit, other: Fit) -> Array:
     return moments
 
 
-def _replicates(fit: Fit, criteria: Criteria, *, drifts: bool) -> tuple[Array, Array, Array]:
+def _replicates(fit: Fit, criteria: Criteria, *, drifts: bool) -> tuple[Floats, Floats, Floats]:
     """Contrasts between batches within cells, and their slopes by each batch's ln k and by drift and readings.
 
     ``drifts``: whether contrasts may be due to a drift, as well as to the batches' beds; to these alone otherwise.
@@ -214,8 +214,8 @@ def _replicates(fit: Fit, criteria: Criteria, *, drifts: bool) -> tuple[Array, A
 
 
 def _scatter_posterior(
-    fit: Fit, criteria: Criteria, contrasts: Array, between: Array, within: Array
-) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
+    fit: Fit, criteria: Criteria, contrasts: Floats, between: Floats, within: Floats
+) -> tuple[tuple[Floats, Floats, Floats, Floats], Floats, Floats]:
     """The linearised fit, extended by such contrasts; the grid of σ_b, and the gain of each."""
     residual, unknowns, batches, others = _linearised(fit, criteria).of(BATCH, batch_sd_of(fit))
     drift, readings = np.split(within, [1], axis=1)
@@ -231,7 +231,7 @@ def _scatter_posterior(
     return given, *gains_for_errors(*given, criteria.bed_scatter)
 
 
-def _within_cell_contrasts(fit: Fit) -> tuple[Array, Array]:
+def _within_cell_contrasts(fit: Fit) -> tuple[Floats, Floats]:
     """Whitened contrasts between batches within cells ``(m,)``, and their slopes by each batch's ln k ``(m, b)``.
 
     They do not depend on the model's prediction of the cell mean.
@@ -243,7 +243,7 @@ def _within_cell_contrasts(fit: Fit) -> tuple[Array, Array]:
     return _contrasts(fit, batch_mean[..., None])[:, 0], _contrasts(fit, _of_each_batch(by_ln_k, count))
 
 
-def _drift_and_readings(fit: Fit, criteria: Criteria) -> Array:
+def _drift_and_readings(fit: Fit, criteria: Criteria) -> Floats:
     """Slopes of the same contrasts ``(m, 1 + n)`` by a drift of k and by each batch's lift zero and speed scale, all in
     units of their priors."""
     order, sd = fit.cells.batch_order, priors(fit, criteria)
@@ -254,13 +254,13 @@ def _drift_and_readings(fit: Fit, criteria: Criteria) -> Array:
     return _contrasts(fit, np.concatenate([drift[..., None], *own], axis=-1))
 
 
-def _of_each_batch(slope: Array, count: int) -> Array:
+def _of_each_batch(slope: Floats, count: int) -> Floats:
     """Slopes of the batches' means ``(cells, batches, 4, batches)`` by what each has of its own, ``slope (cells, 4)``
     of one trial."""
     return slope[:, None, :, None] * np.eye(count)[:, None]
 
 
-def _contrasts(fit: Fit, values: Array) -> Array:
+def _contrasts(fit: Fit, values: Floats) -> Floats:
     """Whitened contrasts between batches within cells ``(m, q)`` of ``values (cells, batches, 4, q)``.
 
     Cells near a switch are left out: a slope there, steep for a tiny change of k only, would make all batches alike.
@@ -284,12 +284,12 @@ class _Linearised:
     """Whitened residuals with nuisances at 0, and their slopes by the fitted parameters, by each batch's nuisances (by
     name), and by the other nuisances in units of their priors."""
 
-    residual: Array
-    unknowns: Array
-    batches: dict[str, Array]
-    others: Array
+    residual: Floats
+    unknowns: Floats
+    batches: dict[str, Floats]
+    others: Floats
 
-    def of(self, name: str, beside: BatchSd) -> tuple[Array, Array, Array, Array]:
+    def of(self, name: str, beside: BatchSd) -> tuple[Floats, Floats, Floats, Floats]:
         """The four arrays if batches differ in ``name``; their other differences count among the other nuisances."""
         other = [beside[key] * slopes for key, slopes in self.batches.items() if key != name and beside[key]]
         return self.residual, self.unknowns, self.batches[name], np.column_stack([self.others, *other])

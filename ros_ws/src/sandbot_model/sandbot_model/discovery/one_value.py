@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, frequencies
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.untested import grid_of, new_conditions
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.walking import USUAL_K
 
 OMEGA_RAD_S = (4.0, 28.0)
@@ -48,7 +48,7 @@ def usual_omega(robot: Robot) -> tuple[float, float]:
     return low, high
 
 
-def _wider(usual: tuple[float, float] | Array, measured: Array) -> Array:
+def _wider(usual: tuple[float, float] | Floats, measured: Floats) -> Floats:
     """Values in a range that includes what was measured."""
     return np.linspace(min(usual[0], measured.min()), max(usual[-1], measured.max()), LEVELS)
 

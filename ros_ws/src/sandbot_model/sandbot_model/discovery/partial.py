@@ -46,7 +46,7 @@ from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.variants import NEW
 
 LEAST_SHARE = 0.5
-"""Share of the excess deviance that an effect must exceed if one observable is left out."""
+"""Fraction of the excess deviance that an effect must exceed if one observable is left out."""
 LEAST_OBSERVABLES = 3
 """Observables needed, so that without one the others still distinguish effects."""
 TRIED = 4
@@ -297,7 +297,7 @@ def repairs(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool
 
 
 def _share_removed(fits: Mapping[Names, Fit], names: Names) -> float:
-    """Share of the base model's excess deviance that a set removes."""
+    """Fraction of the base model's excess deviance that a set removes."""
     return (fits[()].deviance - fits[names].deviance) / max(_excess(fits[()]), 1e-9)
 
 

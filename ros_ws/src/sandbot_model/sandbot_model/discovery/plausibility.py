@@ -14,12 +14,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sandbot_common.arrays import Floats
+from sandbot_common.arrays import Bools, Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.regime import SURE_LIFT_M, walks
 from sandbot_model.data.two_groups import AGREEING, far_apart
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import fastest_phase_ratio
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import CM, Observable, usual_noise
@@ -39,7 +38,7 @@ DIFFERENT, EQUAL = 0.12, 0.04
 """Relative difference above which two radii count as different, and below which they count as equal."""
 
 SPLIT_OFF = 0.9
-"""Share of the variance of replicates that a split removes if they are of two robots; of a steady drift it is 3/4."""
+"""Fraction of replicates' variance that a split removes if they are of two robots; of a steady drift it is 3/4."""
 
 
 def in_doubt(cells: Cells) -> str:
@@ -139,7 +138,7 @@ def _of_walkers(cells: Cells) -> Floats:
     return np.where(_all_walk(cells)[:, None], cells.mean, np.nan)
 
 
-def _all_walk(cells: Cells) -> Bool:
+def _all_walk(cells: Cells) -> Bools:
     """Cells ``(n,)`` in which every trial walked: if some swam, peak and lift are averaged over both regimes alike and
     would agree on a smaller radius.
     """
@@ -147,7 +146,7 @@ def _all_walk(cells: Cells) -> Bool:
     return np.asarray(sure & ~(cells.sd[:, Observable.lift] > MIXED_REGIMES * cells.mean[:, Observable.lift]))
 
 
-def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
+def _pushed(cells: Cells, mean: Floats, step: Floats) -> bool:
     """Whether peaks and steps exceed what legs do by one factor: corrected for it, lift gives robot.yaml's R."""
     radius = cells.robot.leg_radius_m
     push = _radius_by_peak(cells, mean) / radius
@@ -156,19 +155,19 @@ def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
     return abs(_median(by_lift) / radius - 1) < PUSH_TOLERANCE
 
 
-def _radius_by_peak(cells: Cells, mean: Floats) -> Array:
+def _radius_by_peak(cells: Cells, mean: Floats) -> Floats:
     """R = v_peak/(βω): all legs on the ground turn at the slow phase's rate. NaN for gaits with two rates."""
     even = cells.clock.slow_ratio == 1.0
     return np.where(even, mean[:, Observable.peak_speed] / cells.omega, np.nan)
 
 
-def _radius_by_lift(mean: Floats, step: Array) -> Array:
+def _radius_by_lift(mean: Floats, step: Floats) -> Floats:
     """R from s = 2√(Δz(2R - Δz))."""
     lift = mean[:, Observable.lift]
     return lift / 2 + step**2 / (8 * lift)
 
 
-def _median(values: Array) -> float:
+def _median(values: Floats) -> float:
     """NaN, which passes no threshold, where fewer than ``FEWEST`` values are finite."""
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if len(finite) >= FEWEST else float("nan")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_common.accuracy import USUAL
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -21,7 +22,6 @@ from sandbot_model.discovery.verdict import claim_threshold
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Parameter
 from sandbot_model.physics.gait import clock
@@ -31,7 +31,7 @@ from sandbot_model.physics.walking import USUAL_K
 from sandbot_record.trials.table import Trials
 
 POWER, Z = 0.9, 1.2816
-"""Share of campaigns in which an effect is to be detected, and its normal quantile."""
+"""Fraction of campaigns in which an effect is to be detected, and its normal quantile."""
 STRENGTHS = 60
 """Values tried between the neutral one and the end of the plausible range."""
 
@@ -104,7 +104,7 @@ def _weakest(search: EffectSearch, base: Fit, name: str, parameter: Parameter) -
     return min(shown, key=lambda value: abs(value - neutral), default=None)
 
 
-def _gap(problem: Problem, base: Fit, index: int, strengths: Array) -> Array:
+def _gap(problem: Problem, base: Fit, index: int, strengths: Floats) -> Floats:
     """√λ at every strength of one parameter, the first of which is the neutral one."""
     values = {f"{effect.identifier}.{p.name}": p.start for effect in problem.model.effects for p in effect.parameters}
     values |= {name: estimate.value for name, estimate in base.parameters.items()}

@@ -39,8 +39,8 @@ class Discovery:
     verdict: Verdict
     next_trials: tuple[NextTrial, ...]
     stability: float = float("nan")
-    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets; NaN
-    where the verdict does not name what is best of all sets."""
+    """Fraction of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets;
+    NaN where the verdict does not name what is best of all sets."""
     unseen: tuple[str, ...] = ()
     """If the base model is adequate: effects that these data would not reveal at their usual strength."""
     unseen_shift: Shift | None = None
@@ -52,7 +52,7 @@ class Discovery:
     fits: tuple[Fit, ...] = ()
     """Every set that was fitted, in order of BIC."""
     partial: Partial | None = None
-    """If one effect repairs most of the misfit: what share of it, where it holds and where it fails."""
+    """If one effect repairs most of the misfit: what fraction of it, where it holds and where it fails."""
     variants: Mapping[str, str] = field(default_factory=dict)
     """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()

@@ -9,18 +9,18 @@ from itertools import chain, count
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.discovery.term_library import LEVERS, Lever, Term
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import cell_jacobian, project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 
 PER_LEVER = 4
 """Most terms of one lever that are fitted."""
 LEAST_GAIN = 0.2
-"""Share of the largest predicted gain below which a term is not fitted."""
+"""Fraction of the largest predicted gain below which a term is not fitted."""
 COLLINEAR = 0.98
 """Correlation from which two terms count as the same."""
 
@@ -34,7 +34,7 @@ class Guess:
     terms: tuple[Term, ...]
     coefficients: tuple[float, ...]
     gain: float
-    direction: Array
+    direction: Floats
     per_number: float
     """See ``Criteria.term``."""
 
@@ -80,9 +80,9 @@ def _guess(
     name: str,
     lever: Lever,
     term: Term,
-    slopes: Array,
-    residual: Array,
-    basis: Array,
+    slopes: Floats,
+    residual: Floats,
+    basis: Floats,
     so_far: Guess | None,
     per_number: float,
 ) -> Guess | None:
@@ -120,7 +120,7 @@ def _distinct(tried: Sequence[Guess], per_number: float) -> list[Guess]:
     return chosen
 
 
-def _slopes(found: Fit, lever: Lever) -> Array:
+def _slopes(found: Fit, lever: Lever) -> Floats:
     """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
     catalogue = found.model.catalogue
     name = unused_name("lever", catalogue)

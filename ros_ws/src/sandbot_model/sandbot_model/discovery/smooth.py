@@ -12,10 +12,10 @@ from itertools import product
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.nuisances import free_of, gains
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
 LENGTHS = (0.15, 0.3, 0.6, 1.2, 2.4)
@@ -36,7 +36,7 @@ def smooth_gain(base: Fit, observable: Observable) -> float:
     return float(best_gain(contrasts @ residual, contrasts @ slope, kernels(at)))
 
 
-def best_gain(missed: Array, slope: Array, tried: list[Array]) -> Array:
+def best_gain(missed: Floats, slope: Floats, tried: list[Floats]) -> Floats:
     """Fall of -2 ln likelihood of contrasts ``missed (..., c)`` with the best of the ``tried`` kernels of δ ``(n,)``;
     ``slope (c, n)`` are the derivatives of the contrasts by δ."""
     scale = np.sqrt(np.sum(slope**2, axis=0))
@@ -44,13 +44,13 @@ def best_gain(missed: Array, slope: Array, tried: list[Array]) -> Array:
     return np.asarray(np.max([_gain(missed, slope, kernel, sizes) for kernel in tried], axis=0))
 
 
-def kernels(at: Array) -> list[Array]:
+def kernels(at: Floats) -> list[Floats]:
     """Correlation of δ between places ``at (n, 2)`` for every pair of lengths."""
     distance = [np.subtract.outer(x, x) / max(np.ptp(x), 1e-12) for x in at.T]
     return [np.exp(-0.5 * ((distance[0] / a) ** 2 + (distance[1] / b) ** 2)) for a, b in product(LENGTHS, LENGTHS)]
 
 
-def _gain(missed: Array, slope: Array, kernel: Array, sizes: Array) -> Array:
+def _gain(missed: Floats, slope: Floats, kernel: Floats, sizes: Floats) -> Floats:
     """The gain of one kernel at its best size a."""
     variances, axes = np.linalg.eigh(slope @ kernel @ slope.T)
     return np.asarray(gains(missed @ axes, np.maximum(variances, 0.0), sizes).max(axis=-1))

@@ -9,17 +9,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import claim_threshold, price_of_conventions
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
-from sandbot_model.physics.arrays import Array
 
 DRAWS = 400
 
 
 def win_shares(fits: Sequence[Fit], rng: np.random.Generator, criteria: Criteria = DEFAULT) -> list[float]:
-    """Share of ``DRAWS`` in which each of the sets is best, by BIC plus the price of a claim for every effect in it."""
+    """Fraction of ``DRAWS`` in which each of the sets is best, by BIC plus the price of a claim for its effects."""
     noise = rng.normal(size=(fits[0].state.all_residuals.size, DRAWS))
     prices = [claim_threshold(fit, criteria) * len(fit.effects) + price_of_conventions(fit) for fit in fits]
     scores = np.stack([_bic(fit, noise) + price for fit, price in zip(fits, prices, strict=True)])
@@ -27,7 +27,7 @@ def win_shares(fits: Sequence[Fit], rng: np.random.Generator, criteria: Criteria
     return [float(np.mean(winners == index)) for index in range(len(fits))]
 
 
-def _bic(fit: Fit, noise: Array) -> Array:
+def _bic(fit: Fit, noise: Floats) -> Floats:
     """BIC in each draw ``(draws,)``; ``noise (4 cells, draws)`` is that of the cell means, whitened by pure error."""
     problem, state = fit.problem, fit.state
     values = problem.measured.size

@@ -6,6 +6,7 @@ trend over φ, ω or run order, differ between gaits, or are smooth over φ and 
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.discovery.batch_sd import batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import best_gain, kernels
@@ -19,11 +20,10 @@ from sandbot_model.fitting.nuisances import (
     sizes_tried,
     trend_p,
 )
-from sandbot_model.physics.arrays import Array
 
 STRUCTURE = 0.005
 """p-value of either test below which offsets count as structured."""
-LinearModel = tuple[Array, Array, Array, Array]
+LinearModel = tuple[Floats, Floats, Floats, Floats]
 """See ``_linear_model``."""
 DRAWS = 1000
 """Draws of random offsets: few batches look smooth by chance more often than many do."""
@@ -66,7 +66,7 @@ def smooth_p(fit: Fit, criteria: Criteria, name: str) -> float:
     return float(np.mean(gain >= gain[0]))
 
 
-def _scatter(model: LinearModel, prior: float) -> tuple[Array, Array]:
+def _scatter(model: LinearModel, prior: float) -> tuple[Floats, Floats]:
     """Standard deviations of the offsets that are tried, and the posterior probability of each."""
     sizes = sizes_tried(prior)
     return sizes, probability(gains_of_scatter(*model, sizes, prior))
@@ -81,14 +81,14 @@ def _linear_model(fit: Fit, name: str) -> LinearModel:
     return residual, unknowns, shift[:, batches], shift[:, ~batches] * sd[~batches]
 
 
-def _positions(fit: Fit) -> Array:
+def _positions(fit: Fit) -> Floats:
     """φ, ω and, where it is known, run order of each batch ``(batches, 2 or 3)``, standardised over cells."""
     cells = fit.cells
     at = np.stack([cells.phi, cells.omega, *([] if cells.order is None else [cells.order])], axis=1)
     return _batch_means(fit, (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
 
 
-def _trends(fit: Fit) -> Array:
+def _trends(fit: Fit) -> Floats:
     """Regressors of a trend over φ, ω, run order and gait ``(batches, t)``."""
     at, gaits = _positions(fit), _gaits(fit)
     phi, omega = at[:, 0], at[:, 1]
@@ -96,19 +96,19 @@ def _trends(fit: Fit) -> Array:
     return np.asarray(trends - trends.mean(axis=0))
 
 
-def _gaits(fit: Fit) -> Array:
-    """Share of each batch's trials in each gait but the first ``(batches, gaits - 1)``."""
+def _gaits(fit: Fit) -> Floats:
+    """Fraction of each batch's trials in each gait but the first ``(batches, gaits - 1)``."""
     names = np.array(fit.cells.gait)
     return _batch_means(fit, (names[:, None] == np.unique(names)[1:]).astype(float))
 
 
-def _batch_means(fit: Fit, of_cells: Array) -> Array:
+def _batch_means(fit: Fit, of_cells: Floats) -> Floats:
     """Means over the trials of each batch ``(batches, n)`` of values of the cells ``(cells, n)``."""
     share = batch_share(fit)
     return np.asarray((share / share.sum(axis=0)).T @ of_cells)
 
 
-def batch_share(fit: Fit) -> Array:
-    """Share of each cell's trials in each batch; every cell is a batch where none are given."""
+def batch_share(fit: Fit) -> Floats:
+    """Fraction of each cell's trials in each batch ``(cells, batches)``; every cell is a batch if none are given."""
     given = fit.cells.batch_share
     return np.eye(len(fit.cells)) if given is None else given

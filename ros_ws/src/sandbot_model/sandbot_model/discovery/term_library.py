@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.clustering import frequencies
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import chord, deepest_m
 
 BAND_RAD_S = 3.0
@@ -46,7 +46,7 @@ class Term:
 
     words: str
     expression: str
-    values: Array
+    values: Floats
     switches: bool = False
     """Whether it has a threshold, which is chosen from the data as well."""
     needs_depth: bool = False
@@ -96,7 +96,7 @@ def terms(fit: Fit) -> list[Term]:
     ]
 
 
-def _of_omega(omega: Array, delta_t: float) -> Iterator[Term]:
+def _of_omega(omega: Floats, delta_t: float) -> Iterator[Term]:
     """Ramps up and down from each measured frequency, bands about each, steps between neighbouring ones."""
     levels = np.unique(frequencies(omega).round(2))
     for w in levels:
@@ -110,7 +110,7 @@ def _of_omega(omega: Array, delta_t: float) -> Iterator[Term]:
         yield Term(f"{{}} above ω = {w:.4g} rad/s", f"where(omega > {w:.4g}, 1, 0)", 1.0 * (omega > w), True)
 
 
-def _of_phi(phi: Array) -> Iterator[Term]:
+def _of_phi(phi: Floats) -> Iterator[Term]:
     """Ramps up and down from each level, steps between neighbouring ones."""
     levels = np.unique(phi.round(4))
     for c in levels:
@@ -120,7 +120,7 @@ def _of_phi(phi: Array) -> Iterator[Term]:
         yield Term(f"{{}} above φ = {c:.4f}", f"where(phi > {c:.4f}, 1, 0)", 1.0 * (phi > c), True)
 
 
-def _of_depth(name: str, expression: str, values: Array) -> Iterator[Term]:
+def _of_depth(name: str, expression: str, values: Floats) -> Iterator[Term]:
     """Depth or step length in leg radii: linear, and a ramp and a step at each threshold."""
     yield Term(f"{{}} {name}", expression, values, needs_depth=True)
     for c in np.unique(np.quantile(values, SHARES).round(2)):

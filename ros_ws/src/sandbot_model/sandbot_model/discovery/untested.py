@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.clustering import OMEGA_TOLERANCE
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import Criteria
@@ -14,7 +15,6 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import undetected_miss
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.text import counted
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import CM, Observable, usual_noise
 
@@ -111,13 +111,13 @@ def _new_conditions(cells: Cells, count: int) -> list[NextTrial]:
     return new_conditions(cells, grid_of(cells.level_phi, omega), count)
 
 
-def grid_of(phi: Array, omega: Array) -> Array:
+def grid_of(phi: Floats, omega: Floats) -> Floats:
     """All pairs of φ and ω ``(n, 2)``."""
     return np.stack(np.meshgrid(phi, omega, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def new_conditions(
-    cells: Cells, grid: Array, count: int = CONDITIONS, separates: tuple[str, str] = SCATTER_OR_MISS
+    cells: Cells, grid: Floats, count: int = CONDITIONS, separates: tuple[str, str] = SCATTER_OR_MISS
 ) -> list[NextTrial]:
     """``count`` of the conditions ``grid (n, 2)``, as far as possible from those already run and from each other."""
     run = _conditions(cells)
@@ -126,24 +126,24 @@ def new_conditions(
     return [_trial(at[one], MORE + 1, cells.gait[nearest[one]], separates) for one in sorted(chosen)]
 
 
-def _conditions(cells: Cells) -> Array:
+def _conditions(cells: Cells) -> Floats:
     """φ and ω of each cell ``(n, 2)``."""
     return np.stack([cells.level_phi[cells.level], cells.omega], axis=-1)
 
 
-def _scaled(at: Array) -> Array:
+def _scaled(at: Floats) -> Floats:
     """The same conditions, with φ and ω each scaled to the range 0 to 1."""
     width = np.ptp(at, axis=0)
     return np.asarray((at - at.min(axis=0)) / np.where(width > 0, width, 1.0))
 
 
-def _distance(at: Array, chosen: Sequence[int]) -> Array:
+def _distance(at: Floats, chosen: Sequence[int]) -> Floats:
     """Distance of each condition to the nearest of those chosen."""
     places = _scaled(at)
     return np.asarray(np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1))
 
 
-def _farthest(at: Array, given: Sequence[int], count: int) -> list[int]:
+def _farthest(at: Floats, given: Sequence[int], count: int) -> list[int]:
     """Indices of ``count`` conditions, each as far as possible from those ``given`` and from those chosen before it."""
     chosen: list[int] = []
     for _ in range(count):
@@ -153,7 +153,7 @@ def _farthest(at: Array, given: Sequence[int], count: int) -> list[int]:
     return chosen
 
 
-def _trial(at: Array, replicates: int, gait: str, separates: tuple[str, str] = SCATTER_OR_MISS) -> NextTrial:
+def _trial(at: Floats, replicates: int, gait: str, separates: tuple[str, str] = SCATTER_OR_MISS) -> NextTrial:
     return NextTrial(
         phi=float(at[0]),
         omega_rad_s=float(at[1]),

@@ -20,12 +20,12 @@ from itertools import combinations
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells, level_name
 from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.variants import VARIANTS
 
 RESPONSE_TIME = "delta_t_s"
@@ -117,7 +117,7 @@ def earns_place(fits: Sets, larger: Names, smaller: Names, criteria: Criteria = 
 
 
 def gains_enough(fits: Sets, larger: Names, smaller: Names, criteria: Criteria) -> bool:
-    """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
+    """Whether the gain in deviance exceeds the threshold of each additional effect, and a fraction of it (``one_cell``)
     without the cell or level that gains most."""
     gain = _gain(fits[smaller], fits[larger])
     threshold = claim_threshold(fits[larger], criteria) * (len(larger) - len(smaller))
@@ -150,7 +150,7 @@ def overdispersion(fit: Fit) -> float:
     return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
 
 
-def _deviance_terms(fit: Fit) -> Array:
+def _deviance_terms(fit: Fit) -> Floats:
     """Terms of the deviance: of each cell, of penetrometer readings at each level, of each nuisance's prior."""
     readings = fit.cells.pressed
     level = readings.level if readings is not None else np.zeros(0, dtype=np.int64)
@@ -383,7 +383,7 @@ def _short_of(fits: Sets, fit: Fit, criteria: Criteria) -> Iterator[Names]:
     return (part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
 
 
-def _gain(smaller: Fit, larger: Fit) -> Array:
+def _gain(smaller: Fit, larger: Fit) -> Floats:
     return _deviance_terms(smaller) - _deviance_terms(larger)
 
 

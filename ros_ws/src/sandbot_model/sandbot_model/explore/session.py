@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.parallel import Processes
 from sandbot_model.data.conditions import Cells, noise_floor
@@ -28,7 +29,6 @@ from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.global_minimum import Found, Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import Model, model_of
@@ -37,7 +37,7 @@ from sandbot_model.report.view import Step
 
 Key = tuple[str, frozenset[str], tuple[str, ...]]
 """Base model, effects, and the formulas that define some of them."""
-Errors = dict[str, Array | None]
+Errors = dict[str, Floats | None]
 """The fields of a ``Fit`` that state its errors."""
 
 

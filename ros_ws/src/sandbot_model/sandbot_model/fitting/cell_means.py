@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.nuisances import Nuisances
@@ -14,7 +14,6 @@ from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
 from sandbot_model.fitting.states import STEP, parameter_steps
 from sandbot_model.fitting.switch import Switches, add_switch_slopes, share_of_nodes, switches_of
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import NODES, WEIGHTS, along_the_track, node_weights, share_between_trials
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
@@ -32,29 +31,29 @@ class Measured(NamedTuple):
     """Measured cell means: which exist and their values ``(cells, 4)``, covariance and its whitening ``(cells, 4, 4)``,
     ln of its determinant ``(cells,)``."""
 
-    which: Bool
-    mean: Array
-    covariance: Array
-    whiten: Array
-    log_det: Array
+    which: Bools
+    mean: Floats
+    covariance: Floats
+    whiten: Floats
+    log_det: Floats
 
 
 class Evaluation(NamedTuple):
     """Prediction and likelihood of the cells, see ``States``."""
 
     footing: Footing
-    predicted: Array
-    covariance: Array
-    whiten: Array
-    residual: Array
-    deviance: Array
+    predicted: Floats
+    covariance: Floats
+    whiten: Floats
+    residual: Floats
+    deviance: Floats
 
 
 class CellMeans:
     """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is the offset of
     a cell's ln k from its level's, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
 
-    def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
+    def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Floats) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd
         self.chains: Chains = ArrayChains(model) if model.tape is None else CompiledChains(model, model.tape)
         self.along = along_the_track(model.walker)
@@ -72,14 +71,14 @@ class CellMeans:
         level_phi = np.repeat(self.cells.level_phi[:, None], len(omega), axis=1)
         return Conditions.of(self.walker, omega, level_phi, Clock(*clock)), of_cell
 
-    def evaluate(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Evaluation:
+    def evaluate(self, theta: Floats, ln_k: Floats, slope: Floats, moved: Floats) -> Evaluation:
         """Prediction and likelihood of all cells."""
         points, track = self._points(theta, ln_k, slope, moved)
         replicates = self._effective_replicates(ln_k, slope)
         footing, values, share = self._footing_and_values(points, self._independent(replicates))
         return self._likelihood(footing, share, values, track, replicates)
 
-    def evaluate_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Evaluation:
+    def evaluate_by_row(self, theta: Floats, ln_k: Floats, slope: Floats, moved: Floats) -> Evaluation:
         """Prediction and likelihood of cell i at row i of the parameters, in one row."""
         points, track = self._points(theta, ln_k, slope, moved, by_row=True)
         replicates = np.ascontiguousarray(_diagonal(self._effective_replicates(ln_k, slope))[None])
@@ -88,7 +87,7 @@ class CellMeans:
         footing, share = Footing(*parts), np.ascontiguousarray(np.swapaxes(share, 0, 1))
         return self._likelihood(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
 
-    def with_reading_errors(self, nuisances: Nuisances, cells: Evaluation, shared: Array) -> tuple[Evaluation, Array]:
+    def with_reading_errors(self, nuisances: Nuisances, cells: Evaluation, shared: Floats) -> tuple[Evaluation, Floats]:
         """The same with zero offsets and scale errors of the readings, and the values of all nuisances ``(rows, m)``:
         those of the readings are the most likely ones where ``shared`` is NaN."""
         which, (sd, slope) = ~nuisances.moves_k, nuisances.of_readings
@@ -101,7 +100,7 @@ class CellMeans:
         found[:, which] = values * sd
         return cells._replace(predicted=predicted, residual=residual, deviance=deviance), found
 
-    def _footing_and_values(self, points: Points, independent: Bool) -> tuple[Footing, Array, Array]:
+    def _footing_and_values(self, points: Points, independent: Bools) -> tuple[Footing, Floats, Floats]:
         """See ``CompiledChains.footing_and_values``; computed on arrays where the chain could not be recorded."""
         if isinstance(self.chains, CompiledChains):
             return self.chains.footing_and_values(points, independent)
@@ -109,21 +108,31 @@ class CellMeans:
         values = self.chains.values(NAMES, points, vars(footing).values())
         return footing, values, share_of_nodes(self._switches(points, footing, independent), points.shape)
 
-    def _switches(self, points: Points, footing: Footing, independent: Bool) -> list[tuple[str, Switches]]:
+    def _switches(self, points: Points, footing: Footing, independent: Bools) -> list[tuple[str, Switches]]:
         return switches_of(self.chains, points, footing, independent, remembers=self.walker.remembers)
 
-    def _independent(self, replicates: Array) -> Bool:
+    def _independent(self, replicates: Floats) -> Bools:
         """Cells whose replicates walk or swim independently: if most of k's scatter is shared, they do so together."""
         return np.asarray(replicates >= 0.5 * self._replicates)
 
-    def _likelihood(self, footing: Footing, share: Array, values: Array, track: Array, replicates: Array) -> Evaluation:
+    def _likelihood(
+        self, footing: Footing, share: Floats, values: Floats, track: Floats, replicates: Floats
+    ) -> Evaluation:
         between = share_between_trials(self.along, self.cells.phi_scatter, track)
         of = self._weights(values, share), share, self.measured, between, replicates
         return Evaluation(footing, *kernels.cell_likelihood(values, footing.walking, WEIGHTS, *of))
 
     def jacobian(
-        self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array, *, switches: bool
-    ) -> Array:
+        self,
+        theta: Floats,
+        ln_k: Floats,
+        slope: Floats,
+        moved: Floats,
+        feet: Footing,
+        whiten: Floats,
+        *,
+        switches: bool,
+    ) -> Floats:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 
         By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain
@@ -156,17 +165,17 @@ class CellMeans:
             add_switch_slopes(local, self.chains, points, margin, these, steps, of, along_the_track=self.along)
         return np.asarray(local)
 
-    def spread(self, local: Array) -> Array:
+    def spread(self, local: Floats) -> Floats:
         """The same with a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
         return np.asarray(kernels.spread(local, self._level, len(self.cells.level_phi)))
 
-    def step(self, *of: Array | Bool) -> Array:
+    def step(self, *of: Floats | Bools) -> Floats:
         """See ``kernels.damped_step``."""
         return np.asarray(kernels.damped_step(*of))
 
     def profiled(
-        self, theta: Array, slope: Array, k_curve: Array, k_grid: Array, same: Array, cross: Array
-    ) -> tuple[Array, Array]:
+        self, theta: Floats, slope: Floats, k_curve: Floats, k_grid: Floats, same: Floats, cross: Floats
+    ) -> tuple[Floats, Floats]:
         """Least deviance over k for each θ ``(m,)``, and the minimising k ``(m, levels)``; see ``starts``.
 
         ``same (m, levels, k)`` and ``cross (m, levels, k - 1)`` are the sums S_00 and S_01 to be added to. All levels
@@ -188,12 +197,12 @@ class CellMeans:
         )
         return found[0], found[1]
 
-    def _weights(self, values: Array, share: Array) -> Array:
+    def _weights(self, values: Floats, share: Floats) -> Floats:
         return node_weights(np.moveaxis(values, 0, -1), share) if self.along else share[..., None]
 
     def _points(
-        self, theta: Array, ln_k: Array, slope: Array, moved: Array, *, by_row: bool = False
-    ) -> tuple[Points, Array]:
+        self, theta: Floats, ln_k: Floats, slope: Floats, moved: Floats, *, by_row: bool = False
+    ) -> tuple[Points, Floats]:
         """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``.
 
         With ``by_row``, only those of cell i in row i.
@@ -212,7 +221,7 @@ class CellMeans:
         k = kernels.node_k(level_k, slope, self._level, factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
         return Points(theta, where, np.ascontiguousarray(_diagonal(k)[:, None]) if by_row else k, curve), track
 
-    def _effective_replicates(self, ln_k: Array, slope: Array) -> Array:
+    def _effective_replicates(self, ln_k: Floats, slope: Floats) -> Floats:
         """Effective number of replicates ``(rows or 1, cells)``: variance over the nodes divided by that of the mean.
 
         It is n, down to 1 where replicates share all of the scatter.
@@ -224,7 +233,7 @@ class CellMeans:
         return np.ascontiguousarray((own + shared) / (own / self._replicates + shared))
 
 
-def _diagonal(each: Array) -> Array:
+def _diagonal(each: Floats) -> Floats:
     """The value of cell i in row i: ``(cells, ...)`` from ``(rows or 1, cells, ...)``."""
     at = np.arange(each.shape[1])
     return each[at % len(each), at]

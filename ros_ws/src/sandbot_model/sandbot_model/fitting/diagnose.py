@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import f_sf
 from sandbot_model.data.pure_error import effective_dof
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import FAIL_Z
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import Observable
 
@@ -52,7 +52,7 @@ def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
     return tuple(test for test in tests if test.cells)
 
 
-def locked_z(fit: Fit, observable: Observable) -> Array:
+def locked_z(fit: Fit, observable: Observable) -> Floats:
     """Measured minus geometry lock (ωs(Δz)/π for speed, s(Δz) for first step) in standard errors ``(cells,)``."""
     cells, radius = fit.cells, fit.model.robot.leg_radius_m
     lift = np.where(_clearly_lifted(cells), cells.mean[:, Observable.lift], np.nan)
@@ -69,12 +69,12 @@ def locked_z(fit: Fit, observable: Observable) -> Array:
     return np.asarray(gap / np.sqrt(variance))
 
 
-def _clearly_lifted(cells: Cells) -> Bool:
+def _clearly_lifted(cells: Cells) -> Bools:
     """Cells ``(n,)`` that walk with enough lift to compute a step from."""
     return np.isfinite(cells.mean[:, Observable.lift]) & walks(cells.mean, LOCK_LIFT_M)
 
 
-def _test(stage: str, connects: str, cells: Cells, z: Array, *measures: Observable) -> StageTest:
+def _test(stage: str, connects: str, cells: Cells, z: Floats, *measures: Observable) -> StageTest:
     """One test; its error degrees of freedom are the fewest of the observables ``measures`` that z is made of."""
     measured = np.isfinite(z)
     total = float(np.sum(z[measured] ** 2))

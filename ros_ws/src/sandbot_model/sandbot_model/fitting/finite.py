@@ -5,9 +5,9 @@ Without this check NaN would be taken for ground that never holds, and the robot
 
 import numpy as np
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.effect import is_from_catalogue
 from sandbot_model.physics.first_run import observed_quantities
 from sandbot_model.physics.geometry import critical_k_n_per_m
@@ -47,7 +47,7 @@ def check_finite(model: Model, cells: Cells) -> None:
     )
 
 
-def _not_finite(model: Model, cells: Cells, theta: Array) -> Bool:
+def _not_finite(model: Model, cells: Cells, theta: Floats) -> Bools:
     """Cells ``(rows, cells)`` with an undefined or infinite quantity at a depth where legs may stand, for each θ."""
     k = np.full(len(cells.level_phi), K_OVER_CRITICAL * critical_k_n_per_m(model.robot))
     phi = cells.level_phi[cells.level]

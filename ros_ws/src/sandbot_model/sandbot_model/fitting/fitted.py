@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
@@ -21,7 +22,6 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.uncertainty import change, principal_steps
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
@@ -48,16 +48,16 @@ class Fitted:
     model: Model
     cells: Cells
     point: Point
-    stderr: Array
+    stderr: Floats
     """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one, ∞
     where only together with others."""
-    covariance: Array
+    covariance: Floats
     """Covariance of the same unknowns; 0 where, or along combinations that, the data do not determine."""
     goodness: Goodness
     nuisances: Nuisances | None = None
     """Nuisance parameters fitted with the rest; their estimates are ``shared``."""
     shared: tuple[Estimate, ...] = ()
-    sample: Array | None = None
+    sample: Floats | None = None
     """Points ``(points, unknowns)`` of a posterior sample of the same unknowns, where ``stderr`` is that of one."""
     at_minimum: bool = True
     """False if values are held by hand: the others were not refitted, so there is no error out of sample."""
@@ -79,17 +79,17 @@ class Fitted:
         return {name: Estimate(float(value), float(error)) for name, value, error in named}
 
     @property
-    def level_phi(self) -> Array:
+    def level_phi(self) -> Floats:
         """Volume fraction of every level."""
         return self.cells.level_phi
 
     @cached_property
-    def k_n_per_m(self) -> Array:
+    def k_n_per_m(self) -> Floats:
         """Stiffness of the ground at every level."""
         return np.asarray(np.exp(self.point.ln_k))
 
     @property
-    def k_stderr_n_per_m(self) -> Array:
+    def k_stderr_n_per_m(self) -> Floats:
         """Its standard error."""
         return self.k_n_per_m * self.stderr[len(self.point.theta) : len(self.point.theta) + len(self.point.ln_k)]
 
@@ -142,12 +142,12 @@ class Fitted:
         return state_at(self.problem, self.point)
 
     @property
-    def predicted(self) -> Array:
+    def predicted(self) -> Floats:
         """Predicted cell means ``(n, 4)``."""
         return np.asarray(self.state.predicted[0])
 
     @cached_property
-    def residual_z(self) -> Array:
+    def residual_z(self) -> Floats:
         """Measured minus model in standard errors ``(n, 4)``; NaN where not measured."""
         return goodness.residual_z(self.problem, self.state)
 
@@ -199,7 +199,7 @@ class Fitted:
         """
         return self._predict(self.point.theta, self.point.ln_k, *_conditions(phi, omega, clock), clock)
 
-    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Array:
+    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Floats:
         """Standard deviation ``(..., 4)`` of ``predict`` due to the uncertainty of θ and k.
 
         It is large near a switch. Raises InputError as ``predict`` does.
@@ -207,16 +207,16 @@ class Fitted:
         phi, omega = _conditions(phi, omega, clock)
         return _sd(self._changes(lambda theta, k: self._observables(theta, k, phi, omega, clock)))
 
-    def deviations(self, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
+    def deviations(self, phi: Floats, omega: Floats, clock: Clock | None = None) -> Floats:
         """Changes ``(m, n, 4)`` of ``predict`` at conditions ``(n,)``, the sum of whose products is its covariance: one
         for each principal axis of the covariance of θ and k, or for each point of the ``sample``.
         """
         return self._changes(lambda theta, k: self._observables(theta, k, phi, omega, clock))
 
-    def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
+    def press(self, phi: Floats, depth_m: Floats) -> tuple[Floats, Floats]:
         """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
 
-        def force(theta: Array, ln_k: Array) -> Array:
+        def force(theta: Floats, ln_k: Floats) -> Floats:
             return self.problem.press(theta, ln_k, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
 
         found = self._changes(lambda theta, ln_k: (force(theta, ln_k)[:, None], True))
@@ -225,12 +225,12 @@ class Fitted:
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def _changes(self, predict: Callable[[Array, Array], tuple[Array, Bool | bool]]) -> Array:
+    def _changes(self, predict: Callable[[Floats, Floats], tuple[Floats, Bools | bool]]) -> Floats:
         """Changes of ``predict(θ, ln k)``, which returns values ``(..., m)`` and whether the robot walks ``(...)``: see
         ``deviations``."""
         here, count = np.concatenate([self.point.theta, self.point.ln_k]), len(self.point.theta)
 
-        def at(unknowns: Array) -> tuple[Array, Bool | bool]:
+        def at(unknowns: Floats) -> tuple[Floats, Bools | bool]:
             return predict(unknowns[:count], unknowns[count:])
 
         expected, _ = at(here)
@@ -241,10 +241,10 @@ class Fitted:
         return np.array(changes).reshape(-1, *expected.shape)
 
     @cached_property
-    def _steps(self) -> list[tuple[Array, tuple[float, float], tuple[float, float]]]:
-        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and the share of
-        each that may be taken back and ahead within bounds (``uncertainty.change``): while the deviance rises about as
-        a parabola does, and to look for a switch, while no high cliff is in the way.
+    def _steps(self) -> list[tuple[Floats, tuple[float, float], tuple[float, float]]]:
+        """Steps ``(unknowns,)`` of one standard deviation along the principal axes of the covariance, and the fraction
+        of each that may be taken back and ahead within bounds (``uncertainty.change``): while the deviance rises about
+        as a parabola does, and to look for a switch, while no high cliff is in the way.
         """
         if not len(steps := principal_steps(self.covariance)):
             return []
@@ -261,7 +261,7 @@ class Fitted:
         )
         return list(zip(steps, near, far, strict=True))
 
-    def _rise(self, away: Array) -> Array:
+    def _rise(self, away: Floats) -> Floats:
         """Rise of the deviance ``(...)`` where θ and ln k differ from the fit by ``away (..., unknowns)``."""
         theta, ln_k = np.split(away.reshape(-1, away.shape[-1]), [len(self.point.theta)], axis=1)
         state, rows = self.state, np.zeros(len(theta), dtype=np.int64)
@@ -269,16 +269,16 @@ class Fitted:
         return np.asarray(self.problem.states(*at).deviance - state.deviance).reshape(away.shape[:-1])
 
     @cached_property
-    def _jacobian(self) -> Array:
+    def _jacobian(self) -> Floats:
         return np.asarray(full_jacobian(self.problem, self.state)[0])
 
     def _observables(
-        self, theta: Array, ln_k: Array, phi: Array, omega: Array, clock: Clock | None
-    ) -> tuple[Array, Bool | bool]:
+        self, theta: Floats, ln_k: Floats, phi: Floats, omega: Floats, clock: Clock | None
+    ) -> tuple[Floats, Bools | bool]:
         found = self._predict(theta, ln_k, phi, omega, clock)
         return found.observables, found.walking
 
-    def _predict(self, theta: Array, ln_k: Array, phi: Array, omega: Array, clock: Clock | None) -> Prediction:
+    def _predict(self, theta: Floats, ln_k: Floats, phi: Floats, omega: Floats, clock: Clock | None) -> Prediction:
         k = np.exp(ln_k)
         clock = self.cells.clock[self.cells.gait.index(self.gait)] if clock is None else clock
         curve = KCurve(self.level_phi, k)
@@ -288,11 +288,11 @@ class Fitted:
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
 
 
-def _sd(changes: Array) -> Array:
+def _sd(changes: Floats) -> Floats:
     return np.asarray(np.sqrt(np.sum(changes**2, axis=0)))
 
 
-def _conditions(phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> tuple[Array, Array]:
+def _conditions(phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> tuple[Floats, Floats]:
     """φ and ω [rad/s] as arrays. Raises InputError for those at which nothing can be predicted."""
     found = (
         _between(0.0, 1.0, phi, "phi", "volume fractions between 0 and 1, both excluded, are needed"),
@@ -309,7 +309,7 @@ def _conditions(phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> tuple[
     return found
 
 
-def _between(low: float, high: float, given: ArrayLike, name: str, right: str) -> Array:
+def _between(low: float, high: float, given: ArrayLike, name: str, right: str) -> Floats:
     try:
         values = np.asarray(given, dtype=float)
     except (TypeError, ValueError):

@@ -6,6 +6,7 @@ from itertools import cycle, islice
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
@@ -13,7 +14,6 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.scans import bounded, k_response, scan_bed, scan_k, scan_theta
 from sandbot_model.fitting.starts import Start, resample, starts
 from sandbot_model.fitting.states import States, joined
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import slope_of
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
@@ -54,13 +54,13 @@ HOP_GAIN = 0.5
 class Point:
     """A point in the space of a model's unknowns, as plain arrays that are cheap to send between processes."""
 
-    theta: Array
+    theta: Floats
     """``(parameters,)``."""
-    ln_k: Array
+    ln_k: Floats
     """Of each level's k [N/m], ``(levels,)``."""
-    slope: Array
+    slope: Floats
     """dk/dφ at each level [N/m], ``(levels,)``."""
-    shared: Array | None = None
+    shared: Floats | None = None
     """Values of the nuisances ``(nuisances,)``; by default their initial values."""
 
 
@@ -68,7 +68,7 @@ class Point:
 class WarmStart:
     """Where to begin: k of each level and the shared parameters by name, as fitted to a smaller model."""
 
-    k_n_per_m: Array
+    k_n_per_m: Floats
     parameters: Mapping[str, float]
     deviance: float
 
@@ -342,11 +342,11 @@ def _best_descended(problem: Problem, states: States, count: int) -> States:
     return states.take(np.argsort(states.deviance)[:count])
 
 
-def _slopes(problem: Problem, ln_k: Array) -> Array:
+def _slopes(problem: Problem, ln_k: Floats) -> Floats:
     return np.array([slope_of(problem.cells.level_phi, k) for k in np.exp(ln_k)])
 
 
-def _warm_starts(model: Model, near: WarmStart) -> Array:
+def _warm_starts(model: Model, near: WarmStart) -> Floats:
     """Starts at the fit of the smaller model, new parameters at their start, neutral, mild and strong values; one start
     if none is new."""
     starts_at = np.array([parameter.start for parameter in model.parameters])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_ppf, chi2_sf, f_isf, f_sf
 from sandbot_model.data.pure_error import FEW_REPLICATES, effective_dof
@@ -14,7 +15,6 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.thresholds import LACK_OF_FIT
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
 
@@ -53,8 +53,8 @@ class Goodness:
     """The same for each observable, and for a penetrometer's readings."""
 
 
-def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
-    """Errors and tests of a fitted state (one row), with its ``full_jacobian``."""
+def goodness(problem: Problem, state: States, jacobian: Floats) -> Goodness:
+    """Errors and tests of a fitted state (one row), with its ``full_jacobian (residuals, unknowns)``."""
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
@@ -73,13 +73,13 @@ def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
     )
 
 
-def residual(problem: Problem, state: States) -> Array:
-    """Measured minus model ``(cells, 4)``, NaN where not measured. One row."""
+def residual(problem: Problem, state: States) -> Floats:
+    """Measured minus model ``(cells, 4)`` [SI], NaN where not measured; ``state`` is one row."""
     return np.where(problem.measured, problem.cells.mean - state.predicted[0], np.nan)
 
 
-def residual_z(problem: Problem, state: States) -> Array:
-    """The same in standard errors of the cell mean."""
+def residual_z(problem: Problem, state: States) -> Floats:
+    """``residual (cells, 4)`` in standard errors of the cell mean."""
     return np.asarray(residual(problem, state) / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2)))
 
 
@@ -101,8 +101,8 @@ class Fail:
         return abs(self.residual / self.z)
 
 
-def rms(cells: Cells, gap: Array) -> dict[str, float]:
-    """Rms over trials, from the ``gap`` between cell mean and model and the scatter about the cell mean."""
+def rms(cells: Cells, gap: Floats) -> dict[str, float]:
+    """Rms over trials [SI], from the ``gap (cells, 4)`` of cell mean and model and the scatter about the cell mean."""
     n = np.where(np.isfinite(gap), cells.n, 0)
     within = np.where(n > 1, (n - 1) * np.nan_to_num(cells.sd) ** 2, 0.0).sum(axis=0)
     between = (n * np.nan_to_num(gap) ** 2).sum(axis=0)
@@ -113,8 +113,8 @@ def rms(cells: Cells, gap: Array) -> dict[str, float]:
     }
 
 
-def fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
-    """Cell means missed by more than ``FAIL_Z`` standard errors, the worst first."""
+def fails(cells: Cells, gap: Floats, z: Floats) -> tuple[Fail, ...]:
+    """Cell means missed by more than ``FAIL_Z`` standard errors, the worst first; ``gap`` [SI] and ``z (cells, 4)``."""
     rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
     rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
     return tuple(
@@ -145,7 +145,7 @@ def undetected_miss(known: int, p: float = LACK_OF_FIT) -> float:
     return float(np.sqrt(known / chi2_ppf(p, known))) if known else float("inf")
 
 
-def excess_of_few_replicates(z: Array, cells: Cells) -> float:
+def excess_of_few_replicates(z: Floats, cells: Cells) -> float:
     """Part of χ² that may be due to a pure error known from few replicates, which can be far too small by chance.
 
     For each such observable: χ² minus the value that has the same p with the pure-error degrees of freedom of the
@@ -162,7 +162,7 @@ def excess_of_few_replicates(z: Array, cells: Cells) -> float:
     return found
 
 
-def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
+def _shared_unknowns(problem: Problem, jacobian: Floats) -> float:
     """Effective number of fitted nuisances."""
     if problem.nuisances is None:
         return 0
@@ -170,8 +170,8 @@ def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
     return effective(jacobian[:-count, -count:] * problem.nuisances.sd)
 
 
-def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, float]:
-    """p of each observable on its own, with its share of the fitted unknowns taken off its degrees of freedom."""
+def p_by_observable(z: Floats, problem: Problem, unknowns: float) -> dict[str, float]:
+    """p of each observable on its own, with its fraction of the fitted unknowns taken off its degrees of freedom."""
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)
     found = {}
@@ -190,8 +190,8 @@ def p_of_readings(state: States) -> dict[str, float]:
     return {"penetration": float(chi2_sf(np.sum(state.pressed**2), count))} if count else {}
 
 
-def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
-    """Shared parameters at an end of their search range, held ones excepted."""
+def at_bounds(problem: Problem, theta: Floats) -> tuple[str, ...]:
+    """Names of shared parameters ``theta (n,)`` at an end of their search range, held ones excepted."""
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
     pressed = ((theta <= low + edge) | (theta >= high - edge)) & (low < high)

@@ -2,16 +2,16 @@
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import STEP, States, parameter_steps
-from sandbot_model.physics.arrays import Array
 
 
-def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
+def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Floats:
     """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``.
 
-    With ``switches``, which descents use, the share of replicates that walk near a switch moves as well. Whatever
-    linearises a fit must leave it out: that share is linear within a fraction of the switch's width only.
+    With ``switches``, which descents use, the fraction of replicates that walk near a switch moves as well. Whatever
+    linearises a fit must leave it out: it is linear within a fraction of the switch's width only.
     """
     local = cell_jacobian(problem, states, switches=switches)
     full = problem.cell_means.spread(local)
@@ -25,7 +25,7 @@ def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -
     return _with_nuisances(full, shift, problem.nuisances.sd)
 
 
-def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
+def _with_nuisances(jacobian: Floats, shift: Floats, sd: Floats) -> Floats:
     """Append a column for each nuisance, ``shift (rows, cells, 4, nuisances)``, and a row for its prior."""
     rows, values, unknowns = jacobian.shape
     wider = np.zeros((rows, values + len(sd), unknowns + len(sd)))
@@ -36,7 +36,7 @@ def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
     return wider
 
 
-def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, Array]:
+def without_nuisances(problem: Problem, states: States) -> tuple[Floats, Floats, Floats]:
     """Residuals with all nuisances at 0 ``(n,)``, and the slopes of the prediction by (θ, ln k) ``(n, p)`` and by each
     nuisance ``(n, m)``. One row."""
     jacobian, residual = full_jacobian(problem, states)[0], states.all_residuals[0]
@@ -48,14 +48,14 @@ def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, A
     return residual[: len(jacobian)] + shift @ problem.shared(states)[0], jacobian[:, : -len(sd)], shift
 
 
-def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
+def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Floats:
     """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``, see ``CellMeans.jacobian``."""
     moved = problem.moved(problem.shared(states))
     at = states.theta, states.ln_k, states.slope, moved
     return problem.cell_means.jacobian(*at, states.footing, states.whiten, switches=switches)
 
 
-def slope_by_ln_k(problem: Problem, states: States) -> Array:
+def slope_by_ln_k(problem: Problem, states: States) -> Floats:
     """d(cell mean)/d ln k ``(cells, 4)``. One row.
 
     Cells that walk or swim by chance have it too: they must not determine a level's k without the scatter of batches.
@@ -64,7 +64,7 @@ def slope_by_ln_k(problem: Problem, states: States) -> Array:
     return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(states.whiten[0]), white))
 
 
-def readings_jacobian(problem: Problem, states: States) -> Array:
+def readings_jacobian(problem: Problem, states: States) -> Floats:
     """d(whitened model of the readings)/d(θ, ln k of a level), ``(rows, readings, θ + levels)``."""
     rows, count = states.theta.shape
     readings = problem.cells.pressed
@@ -86,12 +86,12 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
     return np.asarray(readings.whiten @ found)
 
 
-def tangent_basis(problem: Problem, states: States) -> Array:
+def tangent_basis(problem: Problem, states: States) -> Floats:
     """Orthonormal columns ``(values, rank)`` that span the residuals a fit's unknowns can absorb."""
     basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
     return np.asarray(basis[:, singular > 1e-9 * singular[0]])
 
 
-def project_out(values: Array, basis: Array) -> Array:
+def project_out(values: Floats, basis: Floats) -> Floats:
     """``values (n, ...)`` with their component in the span of the basis removed."""
     return np.asarray(values - basis @ (basis.T @ values))

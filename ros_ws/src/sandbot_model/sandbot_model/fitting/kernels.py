@@ -335,10 +335,10 @@ def _track_average(table, k_grid, sigma, nodes, weights):
 @_compiled
 def footing_and_values(steady, virgin, seen, points, grid, independent, search, quadrature):
     """Depths and whether the ground holds, steady and on virgin ground ``(rows, cells * nodes)``, the observables there
-    ``(4, rows, cells * nodes)``, and the share of a cell's trials that each node represents ``(rows, cells, nodes)``.
+    ``(4, rows, cells * nodes)``, and each node's fraction of a cell's trials ``(rows, cells, nodes)``.
 
     ``steady`` and ``virgin`` are a margin's programs (see ``machine.switches``) with the register of its depth, both
-    the same where the first step is like the others; ``seen`` is the program of the observables. Shares are those of
+    the same where the first step is like the others; ``seen`` is the program of the observables. Fractions are those of
     the ``quadrature`` except where legs jump between nodes of ``independent (rows or 1, cells)`` cells.
     """
     polish, rises, held, drop, window = search

@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.global_minimum import FIRST_ITERATIONS, HOPELESS
 from sandbot_model.fitting.goodness import rms
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.observables import Observable
 
 K_PRIOR = 0.03
@@ -42,20 +42,20 @@ class CrossValidation:
 class LeaveOneOut(NamedTuple):
     """Cells predicted by the others: measured minus predicted ``(cells, 4)``, which are scored ``(cells,)``."""
 
-    residual: Array
-    scored: Bool
+    residual: Floats
+    scored: Bools
     deviance: float
 
 
-def cross_validation(problem: Problem, state: States, jacobian: Array) -> CrossValidation:
-    """A summary of ``leave_one_out``."""
+def cross_validation(problem: Problem, state: States, jacobian: Floats) -> CrossValidation:
+    """A summary of ``leave_one_out``: the rms out of sample [SI], the number of cells scored, the deviance."""
     found = leave_one_out(problem, state, jacobian)
     scored = np.where(found.scored[:, None], found.residual, np.nan)
     return CrossValidation(rms(problem.cells, scored), int(found.scored.sum()), found.deviance)
 
 
-def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneOut:
-    """Predict each cell with the parameters fitted to the others.
+def leave_one_out(problem: Problem, state: States, jacobian: Floats) -> LeaveOneOut:
+    """Predict each cell with the parameters fitted to the others; ``jacobian (residuals, unknowns)``: of the fit.
 
     The parameters move by one linear step (see ``_linear_step``) and the model itself is evaluated there; a cell whose
     prediction moves far is fitted again without it. A cell is scored only if the other cells predict its speed at least
@@ -77,7 +77,7 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
     return LeaveOneOut(residual, scored, float(np.minimum(found.deviance, CV_MOST).sum()))
 
 
-def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array, Array]:
+def _linear_step(problem: Problem, state: States, jacobian: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """θ ``(cells, parameters)``, ln k ``(cells, levels)``, nuisances ``(cells, nuisances)`` fitted without each cell,
     and the standard deviation of its predicted speed [m/s] ``(cells,)``.
 
@@ -107,7 +107,7 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
     return theta, ln_k, shared, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
 
 
-def left_out_with(cells: Cells) -> Bool:
+def left_out_with(cells: Cells) -> Bools:
     """Which cells are left out with each ``(cells, cells)``: itself, and those of its batch if that has whole cells."""
     share = cells.batch_share
     alone = np.eye(len(cells), dtype=bool)
@@ -117,14 +117,16 @@ def left_out_with(cells: Cells) -> Bool:
     return np.asarray(alone | (whole @ whole.T > 0.0))
 
 
-def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
+def _moved_far(problem: Problem, state: States, predicted: Floats) -> Bools:
     """Cells where the linear step can't be trusted; none for a model that fits far too badly to matter."""
     move = np.abs(predicted - state.predicted[0])[:, Observable.speed]
     fits = state.deviance[0] < HOPELESS * problem.measured.sum()
     return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])))
 
 
-def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array, Array]:
+def _fit_without(
+    problem: Problem, cell: int, state: States, theta: Floats, ln_k: Floats
+) -> tuple[Floats, Floats, Floats]:
     """θ, ln k and nuisances fitted without a cell and those left out with it: the better of descents from the linear
     step and from the full fit."""
     left_out = np.flatnonzero(left_out_with(problem.cells)[cell])

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Floats, Ints
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array
 
 ITERATIONS = 30
 TOLERANCE = 1e-2
@@ -16,7 +15,7 @@ TOLERANCE = 1e-2
 NOT_SEARCHED = "v_swim_m_s"
 """The one parameter left to the descents, which always find it: no switch depends on it."""
 PATIENCE, NEARER = 3, 0.02
-"""Every so many iterations, a row above a hopeless deviance must have covered this share of the way down to it."""
+"""Every so many iterations, a row above a hopeless deviance must have covered this fraction of the way down to it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 
@@ -53,12 +52,12 @@ def descend(
     return states
 
 
-def bounds(problem: Problem) -> tuple[Array, Array]:
+def bounds(problem: Problem) -> tuple[Floats, Floats]:
     """Lower and upper ends of the search ranges, ``(parameters,)`` each."""
     return problem.model.bounds
 
 
-def _step(problem: Problem, states: States, jacobian: Array, damping: Array, fixed: Sequence[int]) -> States:
+def _step(problem: Problem, states: States, jacobian: Floats, damping: Floats, fixed: Sequence[int]) -> States:
     """Each row after one damped step; parameters that are fixed or pressed against a bound are held."""
     low, high = bounds(problem)
     count = states.theta.shape[1]

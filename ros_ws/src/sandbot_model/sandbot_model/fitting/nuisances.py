@@ -14,10 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.fitting.uncertainty import covariance_of
-from sandbot_model.physics.arrays import Array, Bool
 
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b tried, in units of its prior's sd, and how many values are tried."""
@@ -32,24 +31,24 @@ class Nuisances:
     """Names, prior standard deviations ``(m,)`` and d(cell mean)/d(nuisance) ``(cells, 4, m)``, SI units."""
 
     names: tuple[str, ...]
-    sd: Array
-    slope: Array
-    ln_k_sd: Array
+    sd: Floats
+    slope: Floats
+    ln_k_sd: Floats
     """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
-    initial: Array
+    initial: Floats
     """Values ``(m,)`` from which a fit begins; in a fit's own ``nuisances``, the fitted values."""
-    by_ln_k: Array
+    by_ln_k: Floats
     """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that do not act on k."""
-    mean: Array = field(default_factory=lambda: np.zeros(1))
+    mean: Floats = field(default_factory=lambda: np.zeros(1))
     """Means of the priors ``(m,)`` or ``(1,)``; 0 for those of readings."""
 
     @cached_property
-    def moves_k(self) -> Bool:
+    def moves_k(self) -> Bools:
         """Which nuisances are offsets of the bed ``(m,)``."""
         return np.asarray(self.by_ln_k.any(axis=0))
 
     @cached_property
-    def starts(self) -> Array:
+    def starts(self) -> Floats:
         """Values ``(rows, m)`` from which a search begins: the initial ones, also with trends of k shifted by their sd.
 
         Trials run in order of ω may leave a drift behind a switch to swimming, where no slope leads to it.
@@ -59,7 +58,7 @@ class Nuisances:
         return np.asarray(self.initial + np.outer(shifts, np.where(trends, self.sd, 0.0)))
 
     @cached_property
-    def of_readings(self) -> tuple[Array, Array]:
+    def of_readings(self) -> tuple[Floats, Floats]:
         """Prior standard deviations ``(n,)`` and slopes ``(cells, 4, n)`` of the zero offsets and scale errors."""
         return self.sd[~self.moves_k], np.ascontiguousarray(self.slope[..., ~self.moves_k])
 
@@ -70,18 +69,18 @@ class Nuisances:
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
     @property
-    def of_one_cell(self) -> Bool:
+    def of_one_cell(self) -> Bools:
         """Which are offsets of the bed under a single cell ``(m,)``."""
         return np.asarray(np.count_nonzero(self.by_ln_k, axis=0) == 1)
 
-    def only(self, which: Bool) -> "Nuisances":
+    def only(self, which: Bools) -> "Nuisances":
         """Some of them ``(m,)``."""
         names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
         slope, by_ln_k = self.slope[..., which], self.by_ln_k[:, which]
         mean = np.broadcast_to(self.mean, self.sd.shape)[which]
         return Nuisances(names, self.sd[which], slope, self.ln_k_sd, self.initial[which], by_ln_k, mean)
 
-    def and_reading(self, name: str, sd: float, slope: Array) -> "Nuisances":
+    def and_reading(self, name: str, sd: float, slope: Floats) -> "Nuisances":
         """The same and, last, a zero or scale of the readings that moves cell means by ``slope (cells, 4)``."""
         names, slopes = (*self.names, name), np.concatenate([self.slope, slope[..., None]], axis=-1)
         initial, by_ln_k = np.append(self.initial, 0.0), np.pad(self.by_ln_k, ((0, 0), (0, 1)))
@@ -93,19 +92,19 @@ class Nuisances:
         return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))
 
 
-def sizes_tried(prior: float) -> Array:
-    """Grid of σ_b, 0 first; ``prior`` is the sd of its half-normal prior."""
+def sizes_tried(prior: float) -> Floats:
+    """Grid ``(sizes,)`` of σ_b, 0 first; ``prior`` is the sd of its half-normal prior."""
     return np.linspace(0.0, MAX_SCATTER * prior, SIZES)
 
 
-def probability(gain: Array) -> Array:
-    """Posterior probability of each σ_b tried, from its ``gain`` in -2 ln posterior."""
+def probability(gain: Floats) -> Floats:
+    """Posterior probability of each σ_b tried, from its ``gain (sizes,)`` in -2 ln posterior."""
     weight = np.exp(0.5 * (gain - gain.max()))
     return np.asarray(weight / weight.sum())
 
 
 def scatter_of_batches(
-    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
+    residual: Floats, jacobian: Floats, batches: Floats, others: Floats, tried: Floats, prior: float
 ) -> tuple[float, float]:
     """Posterior mode of σ_b among those ``tried``, 0 first, and its gain; arguments as in ``gains_of_scatter``."""
     gain = gains_of_scatter(residual, jacobian, batches, others, tried, prior)
@@ -114,8 +113,8 @@ def scatter_of_batches(
 
 
 def gains_of_scatter(
-    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
-) -> Array:
+    residual: Floats, jacobian: Floats, batches: Floats, others: Floats, tried: Floats, prior: float
+) -> Floats:
     """Fall of -2 ln posterior from σ_b = 0 to each σ_b ``tried``.
 
     ``residual (n,)`` is whitened; ``jacobian (n, p)`` are its derivatives by the fitted unknowns, ``batches (n, b)`` by
@@ -129,8 +128,8 @@ def gains_of_scatter(
 
 
 def gains_for_errors(
-    residual: Array, jacobian: Array, batches: Array, others: Array, prior: float
-) -> tuple[Array, Array]:
+    residual: Floats, jacobian: Floats, batches: Floats, others: Floats, prior: float
+) -> tuple[Floats, Floats]:
     """Grid of σ_b that standard errors average over, and the gain of each; arguments as in ``gains_of_scatter``.
 
     For a verdict σ_b has a half-normal prior; standard errors must also hold for a bed that scatters more than usual:
@@ -142,8 +141,8 @@ def gains_for_errors(
 
 
 def averaged_moments(
-    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, gain: Array
-) -> Array:
+    residual: Floats, jacobian: Floats, batches: Floats, others: Floats, tried: Floats, gain: Floats
+) -> Floats:
     """Second moments ``(p, p)`` of the unknowns about the fit, averaged over the posterior of σ_b; arguments as above.
 
     To first order: at each σ_b the covariance of generalised least squares, plus the square of its estimate's distance
@@ -162,7 +161,7 @@ def averaged_moments(
 
 
 def averaged_estimate(
-    contrasts: Array, batches: Array, others: Array, tried: Array, gain: Array
+    contrasts: Floats, batches: Floats, others: Floats, tried: Floats, gain: Floats
 ) -> tuple[float, float]:
     """Mean and standard deviation of the first of ``others``, in units of its prior, from ``contrasts`` that hold
     nothing else that is fitted, averaged over the posterior of σ_b; arguments as above."""
@@ -176,21 +175,21 @@ def averaged_estimate(
     return mean, float(np.sqrt(weight @ (np.array(variances) + (np.array(means) - mean) ** 2)))
 
 
-def gains(missed: Array, shares: Array, sizes: Array) -> Array:
+def gains(missed: Floats, shares: Floats, sizes: Floats) -> Floats:
     """Fall of -2 ln likelihood ``(..., sizes)`` of contrasts ``missed (..., n)`` if their variances are 1 + size²
     ``shares (n,)`` instead of 1."""
     variance = 1.0 + np.outer(sizes**2, shares)
     return np.asarray(missed**2 @ (1.0 - 1.0 / variance).T - np.sum(np.log(variance), axis=1))
 
 
-def free_of(jacobian: Array, others: Array) -> Array:
+def free_of(jacobian: Floats, others: Floats) -> Floats:
     """Error contrasts ``(n - rank, n)``: of unit variance, orthogonal to everything fitted; arguments as above."""
     white = np.linalg.inv(np.linalg.cholesky(np.eye(len(jacobian)) + others @ others.T))
     basis, singular, _ = np.linalg.svd(white @ jacobian)
     return np.asarray(basis[:, np.count_nonzero(singular > 1e-9 * singular[0]) :].T @ white)
 
 
-def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) -> float:
+def trend_p(residual: Floats, jacobian: Floats, covariance: Floats, trends: Floats) -> float:
     """p-value of no trend left in residuals ``(n,)`` of this covariance; NaN where no trend could be distinguished.
 
     A score test: ``jacobian (n, p)`` are the derivatives by what was fitted, ``trends (n, t)`` by the trends tested.
@@ -206,7 +205,7 @@ def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) 
     return float(chi2_sf(score.sum(), len(score))) if len(score) else float("nan")
 
 
-def effective(unit: Array) -> float:
+def effective(unit: Floats) -> float:
     """Effective number of fitted nuisances: Σ (1 - posterior/prior variance) for slopes ``(n, m)`` in prior units."""
     information = unit.T @ unit
     return float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))

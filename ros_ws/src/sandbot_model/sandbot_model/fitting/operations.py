@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.points import CONDITIONS, SEEN, Feet, Pairs, Points
 from sandbot_model.fitting.switch import DROP_M, EDGES, WINDOW
 from sandbot_model.physics import machine
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.machine import OF_CELL, OF_FEET, OF_NODE, OF_ROW
 from sandbot_model.physics.model import Model
@@ -52,15 +51,15 @@ class CompiledChains:
         steady = self._holds(points, "margin")
         return Footing(*steady, *(self._holds(points, "virgin_margin") if self.remembers else steady))
 
-    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
+    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Floats:
         """See ``Chains``."""
         made = self._program(outputs, self._inputs)
         rows, cells, nodes = points.shape
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
         return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
-    def footing_and_values(self, points: Points, independent: Bool) -> tuple[Footing, Array, Array]:
-        """Footing, the observables there ``(4, *points.shape)``, and the share of a cell's trials that each node
+    def footing_and_values(self, points: Points, independent: Bools) -> tuple[Footing, Floats, Floats]:
+        """Footing, the observables there ``(4, *points.shape)``, and the fraction of a cell's trials that each node
         represents; in cells ``independent (rows or 1, cells)`` trials walk or swim independently of each other."""
         virgin = "virgin_margin" if self.remembers else "margin"
         of = self._of_switches("margin"), self._of_switches(virgin), self._program(NAMES, self._inputs)
@@ -68,7 +67,7 @@ class CompiledChains:
         *feet, values, share = kernels.footing_and_values(*of, *at, FOOTING_SEARCH, (NODES, WEIGHTS, EDGES))
         return Footing(*(each.reshape(points.shape) for each in feet)), values.reshape(-1, *points.shape), share
 
-    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Floats:
         """See ``Chains``."""
         made = self._program(SEEN, self._inputs)
         repeated: Moved = self._cached(("moved", SEEN), lambda: moved(made, self._moves))
@@ -85,12 +84,12 @@ class CompiledChains:
         return [*of_theta, {k}, {self.tape.inputs[FEET[0]], self.tape.inputs[VIRGIN[0]]}]
 
     def switches(
-        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
-    ) -> tuple[Pairs, Array, Array]:
+        self, margin: str, points: Points, pairs: Pairs, stands: Floats, window: Floats
+    ) -> tuple[Pairs, Floats, Floats]:
         """See ``Chains``."""
         *of, depth = self._of_switches(margin)
         at = points.packed, depth, pairs, stands, points.at.depths, window
-        found: tuple[Pairs, Array, Array] = machine.switches(*of, *at)
+        found: tuple[Pairs, Floats, Floats] = machine.switches(*of, *at)
         return found
 
     def _of_switches(self, margin: str) -> Any:
@@ -101,7 +100,7 @@ class CompiledChains:
 
         return self._cached(("switches", margin), made)
 
-    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Floats, rows: int) -> Floats:
         """See ``Chains``."""
         made = self._margin(margin)
         # The depths are given: everything else is moved.
@@ -125,7 +124,7 @@ class CompiledChains:
         found: tuple[Program, Ints, tuple[Program, int]] = self._cached(("by depth", margin), arranged)
         return found
 
-    def _holds(self, points: Points, margin: str) -> tuple[Array, Bool]:
+    def _holds(self, points: Points, margin: str) -> tuple[Floats, Bools]:
         of = points.packed, self._depth(margin), points.at.depths
         depth_m, walking = machine.footing(*self._arranged(margin), *of, POLISH, RISES, HELD_N)
         return depth_m.reshape(points.shape), walking.reshape(points.shape)

@@ -7,9 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Floats, Ints
 from sandbot_model.physics import machine
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -29,16 +28,16 @@ SEEN = (*NAMES, "margin", "virgin_margin")
 class Conditions:
     """Conditions of the cells, arrays ``(cells,)``; φ may be ``(rows, cells)``, as may all that ``some`` returns."""
 
-    omega: Array
-    phi: Array
+    omega: Floats
+    phi: Floats
     clock: Clock
-    slow_begin: Array
-    slow_end: Array
-    depths: Array
+    slow_begin: Floats
+    slow_end: Floats
+    depths: Floats
     """Depths at which the margin is evaluated."""
 
     @cached_property
-    def packed(self) -> Array:
+    def packed(self) -> Floats:
         """``CONDITIONS`` as one array ``(6, rows or 1, cells)``."""
         phi = np.atleast_2d(self.phi)
         others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin, self.slow_end)
@@ -47,14 +46,14 @@ class Conditions:
     def some(self, row: Ints, cell: Ints) -> "Conditions":
         """The conditions of some cells, one row per cell."""
 
-        def its(each: Array) -> Array:
+        def its(each: Floats) -> Floats:
             return (each[cell] if each.ndim == 1 else each[row, cell % each.shape[1]])[:, None]
 
         clock = Clock(*map(its, vars(self.clock).values()))
         return Conditions(its(self.omega), its(self.phi), clock, its(self.slow_begin), its(self.slow_end), self.depths)
 
     @classmethod
-    def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
+    def of(cls, walker: Walker, omega: Floats, phi: Floats, clock: Clock) -> "Conditions":
         """Conditions with what depends on the walker filled in."""
         return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.slow_end_m(clock), walker.depths(clock))
 
@@ -63,9 +62,9 @@ class Conditions:
 class Points:
     """θ ``(rows, parameters)``, conditions of the cells, k ``(rows or 1, cells or 1, nodes)``, the curve k(φ)."""
 
-    theta: Array
+    theta: Floats
     at: Conditions
-    k: Array
+    k: Floats
     curve: KCurve
 
     @property
@@ -74,7 +73,7 @@ class Points:
         return len(self.theta), self.at.omega.shape[-1], self.k.shape[2]
 
     @cached_property
-    def packed(self) -> tuple[Array, ...]:
+    def packed(self) -> tuple[Floats, ...]:
         """Arguments for ``machine``: contiguous copies, so that it is compiled for one kind of array only."""
         parts = self.theta, self.at.packed, self.k, self.curve.phi, np.atleast_2d(self.curve.k_n_per_m)
         return tuple(np.array(part, dtype=float, order="C") for part in parts)
@@ -91,20 +90,20 @@ class Chains(Protocol):
     def footing(self, points: Points) -> Footing:
         """Where the legs hold, arrays ``(rows, cells, nodes)``."""
 
-    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
+    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Floats:
         """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
 
-    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Floats:
         """``SEEN`` ``(6, *points.shape)`` of points in blocks of ``rows`` rows: moved in each parameter in turn, in
         ln k, in the depth, and not at all."""
 
     def switches(
-        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
-    ) -> tuple[Pairs, Array, Array]:
+        self, margin: str, points: Points, pairs: Pairs, stands: Floats, window: Floats
+    ) -> tuple[Pairs, Floats, Floats]:
         """Those of the pairs of nodes between which legs jump (see ``machine.switches``), depths about the maxima of
         their margins ``(pairs, 2, n)``, and where between the nodes k becomes sufficient (0 to 1)."""
 
-    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Floats, rows: int) -> Floats:
         """Where k becomes sufficient for given pairs in each block of ``rows`` rows ``(blocks - 1, pairs)``; blocks as
         in ``seen_moved``, without that of the depth."""
 
@@ -125,7 +124,7 @@ class ArrayChains:
         # Copies: for read-only arrays every kernel would be compiled once more.
         return Footing(*(np.array(np.broadcast_to(part, points.shape)) for part in vars(found).values()))
 
-    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
+    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Floats:
         """See ``Chains``."""
         inputs, params = self._inputs(points)
         if outputs == ("sigma_phi",):
@@ -142,13 +141,13 @@ class ArrayChains:
             found |= zip(NAMES, np.moveaxis(seen, -1, 0), strict=True)
         return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
 
-    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:  # noqa: ARG002
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Floats:  # noqa: ARG002
         """See ``Chains``."""
         return self.values(SEEN, points, feet)
 
     def switches(
-        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
-    ) -> tuple[Pairs, Array, Array]:
+        self, margin: str, points: Points, pairs: Pairs, stands: Floats, window: Floats
+    ) -> tuple[Pairs, Floats, Floats]:
         """See ``Chains``."""
         grid = points.at.depths
         everywhere = np.broadcast_to(grid, (len(stands), 2, len(grid)))
@@ -158,14 +157,14 @@ class ArrayChains:
         found = self._margins(margin, points, (row, cell, below), depths)
         return (row, cell, below), depths, machine.suffices(found, depths)
 
-    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Floats, rows: int) -> Floats:
         """See ``Chains``."""
         row, cell, below = pairs
         blocks = np.delete(np.arange(0, len(points.theta), rows), -2)
         found = [self._margins(margin, points, (row + first, cell, below), depths) for first in blocks]
         return np.array([machine.suffices(each, depths) for each in found])
 
-    def _margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+    def _margins(self, margin: str, points: Points, pairs: Pairs, depths: Floats) -> Floats:
         """One of the margins [N] at depths ``(pairs, 2, n)`` of both nodes of each pair, of the same shape."""
         row, cell, below = pairs
         k, curve = points.k, np.atleast_2d(points.curve.k_n_per_m)

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Floats, Ints
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, replace_rows
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.stepwise_profile import ITERATIONS, MATTERS, SIGNIFICANT, stepwise_profile
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
 MOVES = 4
@@ -32,7 +31,7 @@ DISTANCES_SIGMA = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """The same for one with a standard error, in standard errors; one as large as the plausible range is useless."""
 
 
-def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
+def profile(problem: Problem, start: States, at: Sequence[int], values: Floats) -> States:
     """The best fit with the parameters θ[at] held at each row of ``values (rows, len(at))``, from one state."""
     rows = np.zeros(len(values), dtype=np.int64)
     theta = start.theta[rows].copy()
@@ -116,14 +115,14 @@ def _axis_profile(fit: Fit, index: int) -> States:
     return states
 
 
-def _best_neighbour(deviance: Array) -> Ints:
+def _best_neighbour(deviance: Floats) -> Ints:
     """Index of the least of each value and its two neighbours."""
     every = np.pad(deviance, 1, constant_values=np.inf)
     candidates = np.stack([every[1:-1], every[:-2], every[2:]])
     return np.asarray(np.arange(len(deviance)) + np.array([0, -1, 1])[candidates.argmin(axis=0)])
 
 
-def _held(parameter: Parameter, here: float, error: float) -> Array:
+def _held(parameter: Parameter, here: float, error: float) -> Floats:
     """Values about the fit, spaced more closely near it."""
     width = parameter.width
     away = DISTANCES_SIGMA * error if DISTANCES_SIGMA[-1] * error < width else DISTANCES * width

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandbot_common.arrays import Bools, Floats
 from sandbot_model.fitting.jacobian import slope_by_ln_k
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States, joined
-from sandbot_model.physics.arrays import Array, Bool
 
 if TYPE_CHECKING:
     import emcee
@@ -44,7 +44,7 @@ STRAY = 5.0
 SEED = 1
 
 
-def posterior_points(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -> Array:
+def posterior_points(problem: Problem, begin: States, free: Bools, along: Sequence[int]) -> Floats:
     """Posterior points ``(points, n)``, relative to a state (one row), of the n unknowns of θ and ln k that are ``free
     (parameters + levels,)``.
 
@@ -61,7 +61,7 @@ def posterior_points(problem: Problem, begin: States, free: Bool, along: Sequenc
     return np.asarray((sampler.get_chain(flat=True) - ensemble.here)[:, : np.count_nonzero(free)])
 
 
-def moments(points: Array) -> Array:
+def moments(points: Floats) -> Floats:
     """Second moments ``(n, n)`` of such points about the state."""
     return np.asarray(points.T @ points / len(points))
 
@@ -100,7 +100,7 @@ def _with_k_scatter(problem: Problem, ln_k_sd: float) -> Problem:
     return replace(problem, nuisances=own.with_k_scatter(ln_k_sd))
 
 
-def _no_nuisances(measured: Bool) -> Nuisances:
+def _no_nuisances(measured: Bools) -> Nuisances:
     cells = len(measured)
     slope, by_ln_k = np.zeros((*measured.shape, 0)), np.zeros((cells, 0))
     return Nuisances((), np.zeros(0), slope, np.zeros(cells), np.zeros(0), by_ln_k)
@@ -113,27 +113,27 @@ class _Ensemble:
 
     problem: Problem
     begin: States
-    free: Bool
+    free: Bools
 
     @cached_property
-    def here(self) -> Array:
+    def here(self) -> Floats:
         """The unknowns at the state ``(unknowns,)``."""
         return np.asarray(self._packed(self.begin)[0])
 
     @cached_property
-    def bed(self) -> Bool:
+    def bed(self) -> Bools:
         """Which nuisances are offsets of the bed."""
         nuisances = self.problem.nuisances
         return np.zeros(0, dtype=bool) if nuisances is None else nuisances.moves_k
 
     @cached_property
-    def ends(self) -> tuple[Array, Array]:
+    def ends(self) -> tuple[Floats, Floats]:
         """Lower and upper ends of the search ranges ``(unknowns,)``."""
         low, high = (end[self.free[: len(end)]] for end in bounds(self.problem))
         others = self.here[len(low) :]
         return np.concatenate([low, others - LN_K_REACH]), np.concatenate([high, others + LN_K_REACH])
 
-    def initial(self, places: States) -> Array:
+    def initial(self, places: States) -> Floats:
         """Initial positions, scattered about randomly chosen ``places`` of low deviance."""
         near = np.flatnonzero(places.deviance < places.deviance.min() + MAX_EXCESS * len(self.here))
         jitter = JITTER * np.subtract(*self.ends[::-1])
@@ -151,7 +151,7 @@ class _Ensemble:
         made.random_state = np.random.RandomState(SEED).get_state()
         return made
 
-    def ln_probability(self, members: Array) -> Array:
+    def ln_probability(self, members: Floats) -> Floats:
         """ln posterior of each ``(members,)``."""
         inside = np.clip(members, *self.ends)
         rows, unknowns = np.zeros(len(members), dtype=np.int64), np.count_nonzero(self.free)
@@ -164,7 +164,7 @@ class _Ensemble:
         possible = np.isfinite(deviance) & (inside == members).all(axis=1)
         return np.where(possible, -0.5 * deviance, -np.inf)
 
-    def strays_replaced(self, state: "emcee.State") -> Array:
+    def strays_replaced(self, state: "emcee.State") -> Floats:
         """Positions of the walkers, strays moved to those of randomly chosen others."""
         deviance = -2 * state.log_prob
         far = deviance > np.median(deviance) + STRAY * np.sqrt(2 * len(self.here))
@@ -172,6 +172,6 @@ class _Ensemble:
         members[far] = members[random.choice(np.flatnonzero(~far), np.count_nonzero(far))]
         return members
 
-    def _packed(self, states: States) -> Array:
+    def _packed(self, states: States) -> Floats:
         unknowns = np.concatenate([states.theta, states.ln_k], axis=1)[:, self.free]
         return np.concatenate([unknowns, self.problem.bed(states)[:, self.bed]], axis=1)

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.levenberg_marquardt import NOT_SEARCHED, TOLERANCE, bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Bool
 
 SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
 """Relative shifts of k tried."""
@@ -63,7 +62,7 @@ def scan_theta(problem: Problem, state: States, fixed: int | None = None) -> Sta
     return state
 
 
-def _lowest_below(problem: Problem, state: States, theta: Array, ln_k: Array) -> States:
+def _lowest_below(problem: Problem, state: States, theta: Floats, ln_k: Floats) -> States:
     """The best of the rows, or ``state`` where none is lower. One row."""
     if not len(theta):
         return state
@@ -97,14 +96,14 @@ def scan_bed(problem: Problem, state: States) -> States:
     return best if best.deviance[0] < state.deviance[0] else state
 
 
-def evaluated_at(problem: Problem, state: States, theta: Array, ln_k: Array, shared: Array) -> States:
+def evaluated_at(problem: Problem, state: States, theta: Floats, ln_k: Floats, shared: Floats) -> States:
     """One row's state with other θ, ln k or nuisances, each ``(rows or 1, ...)``."""
     rows = max(len(theta), len(ln_k), len(shared))
     theta, ln_k, shared = (np.repeat(each, rows // len(each), axis=0) for each in (theta, ln_k, shared))
     return problem.states(theta, ln_k, state.slope, shared)
 
 
-def by_level(problem: Problem, states: States) -> Array:
+def by_level(problem: Problem, states: States) -> Floats:
     """Deviance of each level's cells and readings ``(rows, levels)``."""
     value = _summed(problem, states.cell_deviance)
     if (readings := problem.cells.pressed) is not None:
@@ -112,18 +111,18 @@ def by_level(problem: Problem, states: States) -> Array:
     return value
 
 
-def _summed(problem: Problem, of_cells: Array) -> Array:
+def _summed(problem: Problem, of_cells: Floats) -> Floats:
     """Sums of values ``(..., cells)`` over the cells of each level ``(..., levels)``."""
     return np.asarray(of_cells @ (problem.cells.level[:, None] == np.arange(len(problem.cells.level_phi))))
 
 
-def _by_offset(states: States, own: Bool, part: Ints) -> Array:
+def _by_offset(states: States, own: Bools, part: Ints) -> Floats:
     """Deviance of the cells ``own (cells, offsets)`` of some offsets of the bed, plus that of the offsets' priors
     ``(rows, offsets)``."""
     return np.asarray(states.cell_deviance @ own + states.shared[:, part] ** 2)
 
 
-def _disjoint_groups(own: Bool) -> list[Ints]:
+def _disjoint_groups(own: Bools) -> list[Ints]:
     """Offsets in groups without a common cell, for the cells of each ``(cells, offsets)``."""
     parts: list[list[int]] = []
     for offset in np.flatnonzero(own.any(axis=0)).tolist():
@@ -135,7 +134,7 @@ def _disjoint_groups(own: Bool) -> list[Ints]:
     return [np.array(part) for part in parts]
 
 
-def k_response(problem: Problem, state: States) -> Array:
+def k_response(problem: Problem, state: States) -> Floats:
     """Response of k to the shared parameters: the d ln k/dθ ``(parameters, levels)`` that changes the predictions of a
     level's cells least. One row."""
     local = np.moveaxis(cell_jacobian(problem, state)[0], -1, 0)
@@ -145,6 +144,6 @@ def k_response(problem: Problem, state: States) -> Array:
     return np.asarray(-pull / np.maximum(weight, 1e-9))
 
 
-def bounded(change: Array) -> Array:
+def bounded(change: Floats) -> Floats:
     """A change of ln k, clipped to a factor e of k."""
     return np.clip(change, -1.0, 1.0)

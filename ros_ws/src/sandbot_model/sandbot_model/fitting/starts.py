@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.levenberg_marquardt import NOT_SEARCHED
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 
@@ -23,7 +23,7 @@ K_RANGE = (0.55, 4.0)
 """k over mg/(2R - h): from ground that by a linear law never carries the robot, to effectively rigid ground."""
 CHUNK = 8
 MIN_DISTANCE = 0.15
-"""Starts closer than this in every parameter, as a share of its plausible range, count as the same."""
+"""Starts closer than this in every parameter, as a fraction of its plausible range, count as the same."""
 MAX_STARTS = 12
 """Most starts from which descents begin."""
 NEAR_DELTA_T = 1.45
@@ -36,12 +36,12 @@ RESAMPLED = 24
 class Start:
     """Start of a descent: θ ``(parameters,)``, ln k ``(levels,)`` and the coarse deviance there."""
 
-    theta: Array
-    ln_k: Array
+    theta: Floats
+    ln_k: Floats
     deviance: float
 
 
-def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = None) -> list[Start]:
+def starts(problem: Problem, slope: Floats, k_curve: Floats, also: Floats | None = None) -> list[Start]:
     """The most promising distinct points of a wide low-discrepancy sample, best first.
 
     ``k_curve (levels,)`` is the k(φ) given to effects that ask for it; ``also (m, parameters)`` are further points.
@@ -54,7 +54,7 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
     return _distinct(model, _profile_all(problem, unit, slope, k_curve, k_grid), MAX_STARTS)
 
 
-def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
+def resample(problem: Problem, theta: Floats, ln_k: Floats, slope: Floats) -> list[Start]:
     """Starts with Δt near that of θ ``(parameters,)`` and the effects' parameters anywhere in their ranges.
 
     A switch shows only in a narrow range of an effect's parameters, which a sample misses unless Δt is nearly right.
@@ -87,18 +87,18 @@ def _distinct(model: Model, sample: "_Profiled", most: int) -> list[Start]:
 class _Profiled:
     """Points in unit coordinates ``(m, parameters)`` with their profiled deviance and ln k."""
 
-    unit: Array
-    deviance: Array
-    ln_k: Array
+    unit: Floats
+    deviance: Floats
+    ln_k: Floats
 
 
-def _profile_all(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Array) -> _Profiled:
+def _profile_all(problem: Problem, unit: Floats, slope: Floats, k_curve: Floats, k_grid: Floats) -> _Profiled:
     theta = _theta(problem.model, unit)
     parts = [profile(problem, theta[i : i + CHUNK], slope, k_curve, k_grid) for i in range(0, len(theta), CHUNK)]
     return _Profiled(unit, *(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _narrowed(k: Array, k_grid: Array) -> Array:
+def _narrowed(k: Floats, k_grid: Floats) -> Floats:
     """A grid of equally many nodes, but only over the part of the grid in which ``k (levels,)`` lie."""
     inside = k[k > k_grid[0] * 1.02]
     if not len(inside):
@@ -106,7 +106,7 @@ def _narrowed(k: Array, k_grid: Array) -> Array:
     return np.geomspace(max(inside.min() * 0.93, k_grid[0]), min(inside.max() * 1.07, k_grid[-1]), len(k_grid))
 
 
-def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid: Array) -> tuple[Array, Array]:
+def profile(problem: Problem, theta: Floats, slope: Floats, k_curve: Floats, k_grid: Floats) -> tuple[Floats, Floats]:
     """Deviance minimised over all k for each θ ``(m, parameters)``, ``(m,)``, and the ln k there ``(m, levels)``."""
     same = np.zeros((len(theta), len(problem.cells.level_phi), len(k_grid)))
     cross = np.zeros((*same.shape[:2], len(k_grid) - 1))
@@ -119,7 +119,7 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
     return deviance, np.log(k)
 
 
-def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) -> Array:
+def _pressed_table(problem: Problem, theta: Floats, k_grid: Floats, slope: Floats) -> Floats:
     """Penetrometer readings minus model in standard deviations ``(readings, m, k)``. Correlations of their errors are
     neglected: the tables are summed level by level."""
     assert problem.cells.pressed is not None
@@ -128,30 +128,30 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
     return np.moveaxis(np.array(missed) / np.sqrt(np.diag(problem.cells.pressed.covariance)), -1, 0)
 
 
-def search_box(model: Model) -> tuple[Array, Array]:
+def search_box(model: Model) -> tuple[Floats, Floats]:
     """Lower and upper ends of the plausible ranges ``(parameters,)``, with ln Δt for Δt."""
     ranges = np.array([(parameter.low, parameter.high) for parameter in model.parameters])
     return _scaled(model, ranges[:, 0]), _scaled(model, ranges[:, 1])
 
 
-def _scaled(model: Model, theta: Array) -> Array:
+def _scaled(model: Model, theta: Floats) -> Floats:
     scaled = np.array(theta, dtype=float)
     at = model.names.index("delta_t_s")
     scaled[..., at] = np.log(scaled[..., at])
     return scaled
 
 
-def _unit(model: Model, theta: Array) -> Array:
+def _unit(model: Model, theta: Floats) -> Floats:
     return (_scaled(model, theta) - search_box(model)[0]) / _width(model)
 
 
-def _width(model: Model) -> Array:
+def _width(model: Model) -> Floats:
     """Widths of the ranges ``(parameters,)``, infinite for a held parameter, which stays at 0 in unit coordinates."""
     low, high = search_box(model)
     return np.where(high > low, high - low, np.inf)
 
 
-def _theta(model: Model, unit: Array) -> Array:
+def _theta(model: Model, unit: Floats) -> Floats:
     low, high = search_box(model)
     theta = low + unit * (high - low)
     at = model.names.index("delta_t_s")
@@ -159,7 +159,7 @@ def _theta(model: Model, unit: Array) -> Array:
     return theta
 
 
-def _samples(model: Model) -> Array:
+def _samples(model: Model) -> Floats:
     """A low-discrepancy sample of the plausible ranges in unit coordinates; v_swim stays at its start value."""
     free = [i for i, name in enumerate(model.names) if name != NOT_SEARCHED]
     count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
@@ -168,7 +168,7 @@ def _samples(model: Model) -> Array:
     return unit
 
 
-def _low_discrepancy(count: int, dimensions: int) -> Array:
+def _low_discrepancy(count: int, dimensions: int) -> Floats:
     """Low-discrepancy points ``(count, dimensions)`` in the unit cube: additive recurrence with the generalised golden
     ratio; deterministic.
     """

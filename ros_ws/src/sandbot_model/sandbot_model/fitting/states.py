@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_common.arrays import Ints
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.physics.walking import Footing
 
 STEP = 1e-5
 """Step of ln k in the derivatives."""
 
 
-def parameter_steps(theta: Array) -> Array:
+def parameter_steps(theta: Floats) -> Floats:
     """Steps of the parameters in the derivatives, relative but never 0; of the shape and in the units of ``theta``."""
     return STEP * np.maximum(np.abs(theta), 1e-3)
 
@@ -25,37 +24,37 @@ class States:
     """Predictions and likelihood at several points of the search at once; the first axis of every array is the point
     (row)."""
 
-    theta: Array
+    theta: Floats
     """``(rows, parameters)``."""
-    ln_k: Array
+    ln_k: Floats
     """Of each level's k [N/m], ``(rows, levels)``."""
-    slope: Array
+    slope: Floats
     """dk/dφ at each level [N/m], ``(rows, levels)``."""
     footing: Footing
     """Arrays ``(rows, cells, nodes)``."""
-    predicted: Array
+    predicted: Floats
     """Cell means [SI], ``(rows, cells, 4)``."""
-    covariance: Array
+    covariance: Floats
     """Of the measured cell means about the predicted ones, ``(rows, cells, 4, 4)``."""
-    whiten: Array
+    whiten: Floats
     """Whitening matrix: makes residuals independent with variance 1, ``(rows, cells, 4, 4)``."""
-    residual: Array
+    residual: Floats
     """Whitened, ``(rows, cells, 4)``."""
-    cell_deviance: Array
+    cell_deviance: Floats
     """``(rows, cells)``."""
-    pressed: Array
+    pressed: Floats
     """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
-    shared: Array
+    shared: Floats
     """Residuals of the priors: their means minus the nuisances, in units of their sd ``(rows, nuisances)``."""
 
     @cached_property
-    def deviance(self) -> Array:
+    def deviance(self) -> Floats:
         """-2 ln likelihood up to a constant ``(rows,)``: χ² plus the ln |V_c/V_c0| of mixtures near a switch."""
         prior = np.sum(self.pressed**2, axis=1) + np.sum(self.shared**2, axis=1)
         return np.asarray(self.cell_deviance.sum(axis=1) + prior)
 
     @cached_property
-    def all_residuals(self) -> Array:
+    def all_residuals(self) -> Floats:
         """All whitened residuals: cells, readings, priors, ``(rows, 4 cells + readings + nuisances)``."""
         return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed, self.shared], axis=1)
 
@@ -70,7 +69,7 @@ class States:
         """The row of least deviance."""
         return self.take(np.argmin(self.deviance, keepdims=True))
 
-    def where(self, better: Bool, other: "States") -> "States":
+    def where(self, better: Bools, other: "States") -> "States":
         """Rows of ``other`` where it is ``better (rows,)``, else of this."""
         if better.all():
             return other

@@ -14,9 +14,9 @@ error it is 1."""
 PASSED = 2
 """Points in a row with a rise above ``MAX_RISE`` after which a profile ends."""
 ALWAYS_COVERED = 1 / 64
-"""Share of a plausible range that a profile covers in any case: beyond a cliff the deviance may be as low again."""
+"""Fraction of a plausible range that a profile covers in any case: beyond a cliff the deviance may be as low again."""
 UNKNOWN = 1 / 512
-"""First step of a parameter without a standard error, as a share of its plausible range."""
+"""First step of a parameter without a standard error, as a fraction of its plausible range."""
 
 
 def stepwise_profile(problem: Problem, begin: States, index: int, error: float) -> States:

@@ -1,7 +1,7 @@
-"""Near a switch between swimming and walking, or between two depths: the share of a cell's trials on either side.
+"""Near a switch between swimming and walking, or between two depths: the fraction of a cell's trials on either side.
 
-A quadrature node represents its part of the normal distribution of φ, so that with five nodes only shares of 1, 23, 77
-or 99 % could walk. But the maximum of the force margin grows with k, nearly in proportion: the edge between the last
+A quadrature node represents its part of the normal distribution of φ, so that with five nodes only 1, 23, 77 or 99 % of
+the trials could walk. But the maximum of the force margin grows with k, nearly in proportion: the edge between the last
 node that swims and the first that walks is put where this maximum is 0. The same is done where legs jump to another
 depth, in ground that their steps disturb.
 """
@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.points import Chains, Pairs, Points
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import Footing
@@ -37,9 +36,9 @@ class Switches:
     cell: Ints
     below: Ints
     """The softer node of the two."""
-    depths: Array
+    depths: Floats
     """Depths about the maximum of the margin [m], of the softer and the stiffer node ``(switches, 2, WINDOW)``."""
-    at: Array
+    at: Floats
     """Where k becomes sufficient [σ of k]."""
 
     @property
@@ -47,7 +46,7 @@ class Switches:
         """The pairs of nodes that enclose each switch."""
         return self.row, self.cell, self.below
 
-    def take(self, which: Bool) -> "Switches":
+    def take(self, which: Bools) -> "Switches":
         """Some of them."""
         return Switches(*(of[which] for of in vars(self).values()))
 
@@ -59,7 +58,7 @@ _NOT_AVERAGED[[Observable.lift, Observable.peak_speed]] = True  # along a track 
 
 
 def switches_of(
-    chains: Chains, points: Points, footing: Footing, independent: Bool, *, remembers: bool
+    chains: Chains, points: Points, footing: Footing, independent: Bools, *, remembers: bool
 ) -> list[tuple[str, Switches]]:
     """Switches of the steady gait, and of the first step on virgin ground where that differs, with their margin's name.
 
@@ -75,8 +74,8 @@ def switches_of(
     return [("margin", steady), ("virgin_margin", virgin.take(~taken[virgin.row, virgin.cell, virgin.below]))]
 
 
-def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]) -> Array:
-    """The share of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
+def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]) -> Floats:
+    """The fraction of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
     share = np.empty(shape)
     share[:] = WEIGHTS
     for _, these in found:
@@ -85,13 +84,13 @@ def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]
 
 
 def add_switch_slopes(
-    local: Array,
+    local: Floats,
     chains: Chains,
     points: Points,
     margin: str,
     these: Switches,
-    steps: Array,
-    of: tuple[Array, Array, Bool],
+    steps: Floats,
+    of: tuple[Floats, Floats, Bools],
     *,
     along_the_track: bool,
 ) -> None:
@@ -109,7 +108,7 @@ def add_switch_slopes(
     kernels.add_switch_slopes(local, whiten, measured, values, these.pairs, these.at, by, fixed)
 
 
-def _between(chains: Chains, points: Points, margin: str, depth: Array, walks: Bool, independent: Bool) -> Switches:
+def _between(chains: Chains, points: Points, margin: str, depth: Floats, walks: Bools, independent: Bools) -> Switches:
     pairs = kernels.candidate_pairs(depth, walks, independent, DROP_M)
     if not len(pairs[0]):
         return NONE

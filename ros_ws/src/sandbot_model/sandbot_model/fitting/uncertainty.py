@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_common.arrays import Bools, Floats
 
 DETERMINED = 1e-12
 """Least curvature of the deviance along an unknown for it to count as determined by the data."""
@@ -14,7 +14,7 @@ ACCURACY = 1e-3
 product of k and a factor is known). Columns whose combination cancels to this can't be distinguished."""
 
 
-def standard_errors(jacobian: Array) -> tuple[Array, Array]:
+def standard_errors(jacobian: Floats) -> tuple[Floats, Floats]:
     """Standard errors and covariance of all unknowns: NaN for those that the data do not determine, ∞ for those that
     they determine only together with others."""
     normal = jacobian.T @ jacobian
@@ -23,12 +23,12 @@ def standard_errors(jacobian: Array) -> tuple[Array, Array]:
     return np.where(np.diag(normal) < DETERMINED, np.nan, stderr), covariance
 
 
-def covariance_of(normal: Array) -> Array:
-    """The inverse of normal equations; 0 for what the data do not determine: unknowns, or combinations of them."""
+def covariance_of(normal: Floats) -> Floats:
+    """The inverse of a normal matrix ``(n, n)``; 0 for unknowns, or combinations of them, that are not determined."""
     return _inverse(normal)[0]
 
 
-def _inverse(normal: Array) -> tuple[Array, Bool]:
+def _inverse(normal: Floats) -> tuple[Floats, Bools]:
     """The inverse as in ``covariance_of``, and the unknowns ``(n,)`` that change along a combination which the data do
     not determine."""
     own = np.diag(normal)
@@ -40,7 +40,7 @@ def _inverse(normal: Array) -> tuple[Array, Bool]:
     return steps @ steps.T, np.linalg.norm(axes[:, ~known], axis=1) > ACCURACY
 
 
-def principal_steps(covariance: Array) -> Array:
+def principal_steps(covariance: Floats) -> Floats:
     """Steps ``(m, n)`` of one standard deviation along the principal axes of a covariance ``(n, n)`` of unknowns; axes
     without variance are left out."""
     # What is held may not move even by a rounding error.
@@ -52,12 +52,12 @@ def principal_steps(covariance: Array) -> Array:
 
 
 def change(
-    predict: Callable[[Array], tuple[Array, Bool | bool]],
-    unknowns: Array,
-    step: Array,
+    predict: Callable[[Floats], tuple[Floats, Bools | bool]],
+    unknowns: Floats,
+    step: Floats,
     near: tuple[float, float],
     far: tuple[float, float],
-) -> Array:
+) -> Floats:
     """Change of the prediction for one step from ``unknowns (n,)``.
 
     ``predict`` returns values ``(..., m)`` and whether the robot walks ``(...)``. ``near`` are the parts of the step,
@@ -66,7 +66,7 @@ def change(
     """
 
     @cache
-    def at(part: float) -> tuple[Array, Bool | bool]:
+    def at(part: float) -> tuple[Floats, Bools | bool]:
         return predict(unknowns + part * step)
 
     smooth = (at(near[1])[0] - at(-near[0])[0]) / max(sum(near), np.finfo(float).tiny)

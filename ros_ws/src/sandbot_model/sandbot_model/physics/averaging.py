@@ -8,7 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats
 from sandbot_model.physics.observables import COLUMNS, Observable
 from sandbot_model.physics.walking import Inputs, KCurve, Params, Prediction, Walker
 
@@ -25,7 +25,7 @@ which a fit avoids by locating the switch between its nodes (``switch``)."""
 K_PER_PHI = 5.0
 """dk/dφ over k, used where a single level gives no slope: 50 N/m over 0.05 at 200 N/m (Li09)."""
 LEAST_K = 0.05
-"""Least stiffness of a place, as a share of k."""
+"""Least stiffness of a place, as a fraction of k."""
 _PLACES = np.array([NormalDist().inv_cdf((place + 0.5) / PLACES_COUNT) for place in range(PLACES_COUNT)])
 PLACES = _PLACES / _PLACES.std()
 """Deviations [σ of k] of equally probable places."""
@@ -36,8 +36,8 @@ def along_the_track(walker: Walker) -> bool:
     return any(effect.along_the_track for effect in walker.effects)
 
 
-def slope_of(level_phi: Array, k: Array) -> Array:
-    """dk/dφ at the levels [N/m] from neighbouring ones, limited to about what poppy seeds show."""
+def slope_of(level_phi: Floats, k: Floats) -> Floats:
+    """dk/dφ [N/m] at the levels ``(levels,)`` from k [N/m] of neighbours, limited to about what poppy seeds show."""
     typical = K_PER_PHI * k
     if len(k) < 2:
         return np.asarray(typical)
@@ -62,7 +62,7 @@ def predicted(walker: Walker, inputs: Inputs, params: Params, curve: KCurve) -> 
     return replace(steps[PLACES_COUNT // 2], **dict(zip(COLUMNS, averaged, strict=True)))
 
 
-def node_weights(values: Array, share: Array, nodes: Array = NODES) -> Array:
+def node_weights(values: Floats, share: Floats, nodes: Floats = NODES) -> Floats:
     """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)`` where φ varies along the track;
     ``nodes`` [σ of k] each represent a ``share (rows, cells, nodes)`` of the trials.
 
@@ -76,8 +76,8 @@ def node_weights(values: Array, share: Array, nodes: Array = NODES) -> Array:
     return weights
 
 
-def share_between_trials(along_the_track: bool, phi_scatter: float, track: Array) -> Array:
-    """Standard deviation over trials as a share of that over steps, ``(rows or 1, cells or 1, 4)``.
+def share_between_trials(along_the_track: bool, phi_scatter: float, track: Floats) -> Floats:
+    """Standard deviation over trials as a fraction of that over steps, ``(rows or 1, cells or 1, 4)``.
 
     A trial averages the variation of φ along the track, of sd ``track (rows or 1, cells or 1)``, over its steps; but
     there is only one first step, and the peak speed varies as much as that of a single step.

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
 STAGES = ("clock", "strength", "balance", "step", "speed")
@@ -16,7 +16,7 @@ STAGES = ("clock", "strength", "balance", "step", "speed")
 REPLACEABLE = ("v_swim_m_s",)
 """Parameters of the base model that an effect may replace; Δt is needed by every search."""
 
-Values = Mapping[str, Array]
+Values = Mapping[str, Floats]
 """Parameters of one effect by name, broadcastable against ``Chain.depth``."""
 
 

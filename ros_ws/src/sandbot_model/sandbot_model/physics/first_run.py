@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.gait import clock
@@ -81,7 +81,7 @@ def vanishes(effect: Effect) -> bool:
     )
 
 
-def observed_quantities(chain: Chain) -> tuple[Array, ...]:
+def observed_quantities(chain: Chain) -> tuple[Floats, ...]:
     """Quantities that determine the observables: the force margin, and those read after the force balance."""
     seen = chain.depth, chain.speed, chain.peak_speed, chain.advance, chain.v_swim, chain.swum
     return chain.margin, *seen, chain.sigma_phi
@@ -91,9 +91,9 @@ def _filled(
     effect: Effect,
     effects: tuple[Effect, ...],
     first_step: bool,
-    at: Mapping[str, Array] | None = None,
+    at: Mapping[str, Floats] | None = None,
     robot: Robot = SANDBOT,
-) -> Iterator[Array]:
+) -> Iterator[Floats]:
     """The observed quantities, and others that effects of later stages may read; the parameters of each of ``effects``
     are ``at`` these values, or at the ends and start of their ranges."""
     walker = Walker(effects, robot)
@@ -104,6 +104,6 @@ def _filled(
         yield from (chain.chord, chain.slow_phase_ratio, chain.swing_ratio, chain.slow_begin, chain.slow_end)
 
 
-def _tried(parameter: Parameter) -> Array:
+def _tried(parameter: Parameter) -> Floats:
     """The ends and the start of a parameter's range ``(3, 1, 1)``."""
     return np.array([parameter.low, parameter.start, parameter.high])[:, None, None]

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import asteval
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name, is_range
 from sandbot_model.physics.first_run import changes_something
@@ -56,7 +56,7 @@ DIFFERS_AT_FIRST = {"first", "t_left"}
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 TAKEN = {*(field.name for field in fields(Chain)), *"RhwmgdK", *_ALWAYS}
 """Names that no parameter can have."""
-_CHANGES: dict[str, Callable[[Array, Array], Array]] = {
+_CHANGES: dict[str, Callable[[Floats, Floats], Floats]] = {
     "*": np.multiply,
     "/": np.divide,
     "+": np.add,
@@ -178,7 +178,7 @@ class _Formula(Effect):
         return value
 
 
-def _broadcast_like(old: Array, new: Array) -> Array:
+def _broadcast_like(old: Floats, new: Floats) -> Floats:
     """``new`` in place of ``old``, broadcast to its shape, as a number is; recorded quantities have no shape."""
     if not isinstance(old, np.ndarray):
         return new

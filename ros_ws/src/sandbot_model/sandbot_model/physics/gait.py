@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_common.arrays import Bools, Floats
 
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
 """θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one contains them: CUSTOM(θ_s θ_0 d_c)."""
@@ -47,17 +47,17 @@ def assumption(gaits: Iterable[str]) -> str:
 class Clock:
     """How legs turn; arrays of one shape."""
 
-    slow_ratio: Array
+    slow_ratio: Floats
     """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
-    swing_ratio: Array
+    swing_ratio: Floats
     """(2π - θ_s)/(2π(1 - d_c)), that of the fast phase."""
-    slow_begin_rad: Array
+    slow_begin_rad: Floats
     """θ_0 - θ_s/2, the shaft angle at which the slow phase begins."""
-    slow_end_rad: Array
+    slow_end_rad: Floats
     """θ_0 + θ_s/2, the one at which it ends."""
 
     @property
-    def one_rate(self) -> Bool:
+    def one_rate(self) -> Bools:
         """Whether legs turn at a constant rate, without phases."""
         return np.asarray(self.slow_ratio == self.swing_ratio)
 
@@ -78,14 +78,14 @@ def clock(gaits: Sequence[str]) -> Clock:
     return Clock(slow, swing, theta_0 - theta_s / 2, theta_0 + theta_s / 2)
 
 
-def duty(slow_ratio: Array, swing_ratio: Array) -> Array:
-    """d_c, the slow phase's share of a period, from d_c β + (1 - d_c) β_swing = 1; 1 where legs turn at one rate."""
+def duty(slow_ratio: Floats, swing_ratio: Floats) -> Floats:
+    """d_c, the slow phase's fraction of a period, from d_c β + (1 - d_c) β_swing = 1; 1 where legs turn at one rate."""
     one_rate = slow_ratio == swing_ratio
-    share: Array = np.where(one_rate, 1.0, (swing_ratio - 1) / np.where(one_rate, 1.0, swing_ratio - slow_ratio))
+    share: Floats = np.where(one_rate, 1.0, (swing_ratio - 1) / np.where(one_rate, 1.0, swing_ratio - slow_ratio))
     return share
 
 
-def first_step_rad(slow_ratio: Array, swing_ratio: Array, slow_from_rad: Array) -> Array:
+def first_step_rad(slow_ratio: Floats, swing_ratio: Floats, slow_from_rad: Floats) -> Floats:
     """How long a first step lasts, ωt [rad]: until the mean angle of both tripods is a multiple of π.
 
     One tripod starts at the beginning of its slow phase, ``slow_from_rad`` before its lowest point, the other is half
@@ -99,7 +99,7 @@ def first_step_rad(slow_ratio: Array, swing_ratio: Array, slow_from_rad: Array) 
     one_each = (slow_ratio + swing_ratio) / 2
     long = slow_share >= 0.5
     late, early = np.where(long, slow_ratio, one_each), np.where(long, one_each, swing_ratio)
-    lasts: Array = np.pi + to_go / np.where(to_go > 0, late, early)
+    lasts: Floats = np.pi + to_go / np.where(to_go > 0, late, early)
     return lasts
 
 
@@ -115,8 +115,8 @@ def fastest_phase_ratio(gait: str) -> float:
 
 
 def peaks_resolved(
-    turns: Clock, omega: Array, stance_rad: tuple[Array, Array], mount_rad: float, rate_hz: float
-) -> Bool:
+    turns: Clock, omega: Floats, stance_rad: tuple[Floats, Floats], mount_rad: float, rate_hz: float
+) -> Bools:
     """Whether the cameras resolve the fastest part of a stance ``(n,)``, at ``rate_hz`` frames per second.
 
     A stance that outlasts the slow phase has its peak speed in the fast one, which must last long enough to be seen:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue, of_robot
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
 from sandbot_model.physics.geometry import froude_speed_m_s
@@ -93,7 +93,7 @@ class Model:
         return self.parameters[self.names.index(name)]
 
     @cached_property
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper ends of the search ranges, ``(parameters,)`` each."""
         low, high = zip(*(parameter.search for parameter in self.parameters), strict=True)
         return np.array(low), np.array(high)
@@ -115,7 +115,7 @@ class Model:
             f"{effect.identifier}.{parameter.name}": parameter for effect in effects for parameter in effect.parameters
         }
 
-    def arguments(self, theta: Array) -> tuple[Array, Array, Params]:
+    def arguments(self, theta: Floats) -> tuple[Floats, Floats, Params]:
         """Δt, v_swim and the effects' parameters from values ``(..., parameters)`` in the order of ``names``."""
         values = dict(zip(self.names, np.moveaxis(theta, -1, 0), strict=True))
         params = [
@@ -126,12 +126,12 @@ class Model:
 
     def inputs(
         self,
-        theta: Array,
+        theta: Floats,
         k_n_per_m: ArrayLike,
         omega_rad_s: ArrayLike,
         phi: ArrayLike,
         clock: Clock = EVEN,
-        k_of_phi: Callable[[Array], Array] | None = None,
+        k_of_phi: Callable[[Floats], Floats] | None = None,
     ) -> tuple[Inputs, Params]:
         """The walker's arguments for conditions and shared parameters ``theta (..., parameters)``.
 

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from sandbot_common.accuracy import Accuracy
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats
 
 CM = 100.0
 """Centimetres in a metre: observables are shown in cm or cm/s."""
@@ -55,13 +55,13 @@ NAMES = tuple(observable.name for observable in Observable)
 """Names in JSON, in order."""
 
 
-def usual_noise(accuracy: Accuracy) -> Array:
+def usual_noise(accuracy: Accuracy) -> Floats:
     """Usual standard deviation of a single trial, for each observable ``(4,)`` [SI]."""
     names = (f"{observable.name}_sd_{observable.unit.replace('/', '_')}" for observable in Observable)
     return np.array([getattr(accuracy, name) for name in names])
 
 
-def shared_variance(accuracy: Accuracy, values: Array) -> Array:
+def shared_variance(accuracy: Accuracy, values: Floats) -> Floats:
     """Variance of the error that all replicates share, for ``values (..., 4)`` [SI]."""
     constant = np.array([getattr(accuracy, observable.column) for observable in Observable])
     share = np.array([getattr(accuracy, f"{observable.name}_share") for observable in Observable])

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
@@ -31,20 +31,20 @@ class Predictor:
     """A model with values for all parameters and k."""
 
     model: Model
-    theta: Array
-    phi: Array
-    k_n_per_m: Array
+    theta: Floats
+    phi: Floats
+    k_n_per_m: Floats
     _cache: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def mean_speed(self, phi: float, omega: float, gait: str = "") -> float:
         """v̄ [m/s]."""
         return self._stance(phi, omega, gait)[0]
 
-    def mean_speeds(self, phi: float, omega: Array, gait: str) -> Array:
+    def mean_speeds(self, phi: float, omega: Floats, gait: str) -> Floats:
         """v̄ [m/s] at one φ over leg frequencies [rad/s] of shape ``(n,)``."""
         return np.asarray(self._predicted(np.full(len(omega), phi), omega, gait).speed_m_s, dtype=float)
 
-    def velocity(self, phi: float, omega: float, gait: str, angles: Array, rates: Array) -> Instant:
+    def velocity(self, phi: float, omega: float, gait: str, angles: Floats, rates: Floats) -> Instant:
         """Body velocity for leg angles [rad] and rates [rad/s] of shape ``(legs,)``.
 
         A leg stands while its centre is within the chord, |θ| ≤ asin(s/2R); the axle then moves on a circle about it,
@@ -76,7 +76,7 @@ class Predictor:
         radius = self.model.robot.leg_radius_m
         return float(found.speed_m_s), float(stance_angle(step_from_lift(found.lift_m, radius), radius))
 
-    def _predicted(self, phi: Array, omega: ArrayLike, gait: str) -> Prediction:
+    def _predicted(self, phi: Floats, omega: ArrayLike, gait: str) -> Prediction:
         curve = KCurve(self.phi, self.k_n_per_m)
         inputs, params = self.model.inputs(self.theta, curve(phi), omega, phi, clock([gait])[0], curve)
         return predicted(self.model.walker, inputs, params, curve)
@@ -87,8 +87,11 @@ def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
     return Predictor(replace(predictor.model, robot=robot), predictor.theta, predictor.phi, predictor.k_n_per_m)
 
 
-def predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, where: str) -> Predictor:
-    """A model at these values, else its starts. Raises InputError, which begins with ``where``, for a wrong value."""
+def predictor(model: Model, values: Mapping[str, float], phi: Floats, k: Floats, where: str) -> Predictor:
+    """A model at these values, else its starts, on the curve ``k`` [N/m] at ``phi``, both ``(levels,)``.
+
+    Raises InputError, which begins with ``where``, for a wrong value.
+    """
     for name, value in values.items():
         if name in model.names:
             model.parameter(name).check(value, f"{where}: {name}")

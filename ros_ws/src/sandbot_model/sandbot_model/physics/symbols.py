@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import Robot
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
 READABLE = {
@@ -67,27 +67,27 @@ class Derived:
 
     unit: str
     doc: str
-    get: Callable[[Chain], Array]
-    put: Callable[[Chain, Array], None] | None = None
+    get: Callable[[Chain], Floats]
+    put: Callable[[Chain, Floats], None] | None = None
 
 
-def _put_advance(chain: Chain, advance: Array) -> None:
+def _put_advance(chain: Chain, advance: Floats) -> None:
     chain.kept = _ratio(advance, chain.step, chain.kept)
 
 
-def _put_speed(chain: Chain, speed: Array) -> None:
+def _put_speed(chain: Chain, speed: Floats) -> None:
     chain.kept = _ratio(np.pi * speed, chain.omega * chain.step, chain.kept)
 
 
-def _put_all_force(chain: Chain, force: Array) -> None:
+def _put_all_force(chain: Chain, force: Floats) -> None:
     chain.extra_force = force - chain.force
 
 
-def _put_acceleration(chain: Chain, acceleration: Array) -> None:
+def _put_acceleration(chain: Chain, acceleration: Floats) -> None:
     chain.lift_ratio = _ratio(acceleration * chain.delta_t, chain.delta_v, chain.lift_ratio)
 
 
-def _ratio(above: Array, below: Array, otherwise: Array) -> Array:
+def _ratio(above: Floats, below: Floats, otherwise: Floats) -> Floats:
     """``above / below``, or ``otherwise`` where ``below`` is 0."""
     above, below, otherwise = np.broadcast_arrays(above, below, otherwise)
     return np.asarray(np.divide(above, below, out=np.array(otherwise, dtype=float), where=below != 0.0))
@@ -137,15 +137,15 @@ def settable(name: str) -> bool:
     return name not in DERIVED or DERIVED[name].put is not None
 
 
-def get(chain: Chain, name: str) -> Array:
-    """The value of a quantity."""
+def get(chain: Chain, name: str) -> Floats:
+    """The value of a quantity, in its unit as ``listed`` and of the chain's shape."""
     derived = DERIVED.get(name)
-    value: Array = getattr(chain, name) if derived is None else derived.get(chain)
+    value: Floats = getattr(chain, name) if derived is None else derived.get(chain)
     return value
 
 
-def put(chain: Chain, name: str, value: Array) -> None:
-    """Set a quantity."""
+def put(chain: Chain, name: str, value: Floats) -> None:
+    """Set a quantity: a value in its unit, which broadcasts to the chain's shape."""
     if (derived := DERIVED.get(name)) is not None:
         assert derived.put is not None, name
         derived.put(chain, value)

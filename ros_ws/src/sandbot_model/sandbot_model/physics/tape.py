@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from sandbot_common.arrays import Ints
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.guarded import Replaced
@@ -52,7 +51,7 @@ class Recorded(Replaced, NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         raise Unrecordable("a decision by value")
 
-    def __array__(self, *_args: Any, **_options: Any) -> Array:
+    def __array__(self, *_args: Any, **_options: Any) -> Floats:
         raise Unrecordable("an array by value")
 
 
@@ -71,7 +70,7 @@ class Tape:
         self.constants: dict[float, int] = {}
         self.code: list[tuple[int, int, int, int, int]] = []
         self.outputs: dict[str, int] = {}
-        self.tables: list[tuple[Array, Array]] = []
+        self.tables: list[tuple[Floats, Floats]] = []
         self.registers = len(self.inputs)
         self.programs: dict[Hashable, Any] = {}
         """Cache of what has been compiled from it."""
@@ -204,9 +203,9 @@ class Program(NamedTuple):
     """Register, what the input depends on (``machine.OF_ROW`` and so on), and its column there."""
     outputs: Ints
     registers: int
-    constants: Array
+    constants: Floats
     """Register and value ``(n, 2)``."""
-    tables: Array
+    tables: Floats
     """x and y of each table in turn, ``(2 tables, longest)``, the last point repeated."""
 
 
@@ -322,7 +321,7 @@ def _operands_of(operation: Sequence[int]) -> tuple[int, ...]:
     return tuple(registers[: _COUNT[number]])
 
 
-def _padded(tables: Sequence[tuple[Array, Array]]) -> Array:
+def _padded(tables: Sequence[tuple[Floats, Floats]]) -> Floats:
     longest = max((len(x) for x, _ in tables), default=1)
     return np.array([np.pad(row, (0, longest - len(row)), mode="edge") for table in tables for row in table]).reshape(
         -1, longest

@@ -34,8 +34,8 @@ _DILATED = "(K(phi + xi*(phi_c - phi)) - K(phi))"
 _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
 _DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}, 0, 1)"
-_BORNE = "maximum(0.6*k*d, 1e-6)"
-"""Friction: the ground's horizontal force on a leg is a share of the load it carries, 4 N like F_x where legs stand."""
+_LOAD = "maximum(0.6*k*d, 1e-6)"
+"""The load on a leg [N], 4 N like F_x where legs stand: by friction its horizontal force is a fraction of it."""
 _SLOWER = f"(d_r/{_DEPTH})**2"
 _TURNED = "2*arcsin(clip(s_0/(2*R), 0, 1))"
 _TOUCH_DOWN = f"{_TURNED}/t_s*maximum(d + h - R, 0)"
@@ -134,7 +134,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "by the ground's stiffness, the peak spared": "step = maximum(s - 2.3*f_c_n/k, 0)",
     },
     "bed_slope": {
-        "by the load the ground bears, the peak spared": f"step *= maximum(1 - N*m*g*sin(chi_rad)/{_BORNE}, 0)"
+        "by the load the ground bears, the peak spared": f"step *= maximum(1 - N*m*g*sin(chi_rad)/{_LOAD}, 0)"
     },
     "leg_slip": {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",

@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sandbot_common.arrays import Ints
+from sandbot_common.arrays import Bools, Floats, Ints
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import EVEN, Clock
@@ -57,16 +56,16 @@ Params = Sequence[Mapping[str, ArrayLike]]
 class Prediction:
     """A model's predictions; all arrays of one shape. Step and depth are NaN where the robot swims."""
 
-    speed_m_s: Array
-    lift_m: Array
-    peak_speed_m_s: Array
-    first_step_m: Array
-    depth_m: Array
-    step_m: Array
-    walking: Bool
+    speed_m_s: Floats
+    lift_m: Floats
+    peak_speed_m_s: Floats
+    first_step_m: Floats
+    depth_m: Floats
+    step_m: Floats
+    walking: Bools
 
     @property
-    def observables(self) -> Array:
+    def observables(self) -> Floats:
         """Shape ``(..., 4)`` in the order of ``Observable``."""
         return np.stack([self.speed_m_s, self.lift_m, self.peak_speed_m_s, self.first_step_m], axis=-1)
 
@@ -81,7 +80,7 @@ class Inputs:
     phi: ArrayLike = np.nan
     v_swim_m_s: ArrayLike = V_SWIM_M_S
     clock: Clock = EVEN
-    k_of_phi: Callable[[Array], Array] | None = None
+    k_of_phi: Callable[[Floats], Floats] | None = None
     """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
 
 
@@ -93,11 +92,11 @@ class KCurve:
     *inner)`` that has ``inner`` further axes.
     """
 
-    phi: Array
-    k_n_per_m: Array
+    phi: Floats
+    k_n_per_m: Floats
     inner: int = 0
 
-    def __call__(self, phi: Array) -> Array:
+    def __call__(self, phi: Floats) -> Floats:
         """k at these volume fractions."""
         rows = self.k_n_per_m.shape[:-1]
         if not rows:
@@ -117,10 +116,10 @@ USUAL_K = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
 class Footing:
     """Where the ground holds the legs: depths [m] (2R - h where it never does), steady and on virgin ground."""
 
-    depth: Array
-    walking: Bool
-    virgin_depth: Array
-    virgin_walking: Bool
+    depth: Floats
+    walking: Bools
+    virgin_depth: Floats
+    virgin_walking: Bools
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,7 @@ class Walker:
         )
         return Prediction(*columns)
 
-    def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool, one_leg: bool = False) -> Chain:
+    def chain(self, inputs: Inputs, params: Params, depth: Floats, *, first_step: bool, one_leg: bool = False) -> Chain:
         """The chain at depths ``(..., depths)``; all other quantities get a new last axis for the depth."""
         k = _column(inputs.k_n_per_m)
         chain = Chain(
@@ -184,15 +183,15 @@ class Walker:
         values = [{name: _column(value) for name, value in p.items()} for p in params]
         return through(chain, list(zip(self.effects, values, strict=True)))
 
-    def margin(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Array:
+    def margin(self, inputs: Inputs, params: Params, depth: Floats, *, first_step: bool) -> Floats:
         """Force of the ground minus load [N] at depths of the inputs' shape."""
         return _flat(self.chain(inputs, params, depth[..., None], first_step=first_step).margin)
 
-    def sigma_phi(self, inputs: Inputs, params: Params) -> Array:
+    def sigma_phi(self, inputs: Inputs, params: Params) -> Floats:
         """Standard deviation of φ along the track, as set by effects [1]."""
         return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
 
-    def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
+    def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Floats, Bools]:
         grid = self.depths(inputs.clock)
         margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
@@ -219,8 +218,8 @@ class Walker:
         return np.where(walking, depth, deepest_m(self.robot)), np.asarray(walking)
 
     def _on_a_rise(
-        self, inputs: Inputs, params: Params, grid: Array, margin: Array, peak: Ints, *, first_step: bool
-    ) -> tuple[Bool, Array]:
+        self, inputs: Inputs, params: Params, grid: Floats, margin: Floats, peak: Ints, *, first_step: bool
+    ) -> tuple[Bools, Floats]:
         """Whether the margin reaches 0 between two grid depths as it rises to a peak, and at which depth.
 
         The rise before the peak is extrapolated to 0; the margin at that depth shows whether it still rises there.
@@ -237,7 +236,7 @@ class Walker:
             here = self.margin(inputs, params, depth, first_step=first_step)
         return (peak > 0) & (np.abs(here) < HELD_N), depth
 
-    def depths(self, clock: Clock) -> Array:
+    def depths(self, clock: Clock) -> Floats:
         """Depths at which the margin is evaluated, including both sides of its jumps."""
         grid = depth_grid(self.robot)
         if not any(effect.clocked for effect in self.effects):
@@ -246,21 +245,24 @@ class Walker:
         beyond = np.minimum(jumps[:, None] + BEYOND_A_JUMP_M, grid[-1])
         return np.unique(np.concatenate([grid, jumps - JUMP_M, beyond.ravel()]))
 
-    def slow_begin_m(self, clock: Clock) -> Array:
+    def slow_begin_m(self, clock: Clock) -> Floats:
         """Depth at which the slow phase begins [m]; 2R - h where that is not on the way down."""
         angle = np.asarray(clock.slow_begin_rad) + self.robot.leg_mount_rad
         return self._depth_at(np.minimum(angle, 0.0))
 
-    def slow_end_m(self, clock: Clock) -> Array:
+    def slow_end_m(self, clock: Clock) -> Floats:
         """Depth at which it ends [m]; 2R - h where that is not on the way up."""
         return self._depth_at(np.maximum(np.asarray(clock.slow_end_rad) + self.robot.leg_mount_rad, 0.0))
 
-    def _depth_at(self, angle_rad: Array) -> Array:
+    def _depth_at(self, angle_rad: Floats) -> Floats:
         return np.clip(depth_at(self.robot, angle_rad), 0.0, deepest_m(self.robot))
 
 
-def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Bool) -> dict[str, Array]:
-    """The observables by name, from the chains of the steady gait and of the first step on virgin ground."""
+def observables(steady: Chain, virgin: Chain, walking: Bools, virgin_walking: Bools) -> dict[str, Floats]:
+    """The observables by name [SI], from the chains of the steady gait and of the first step on virgin ground.
+
+    Each has the shape that the chains' quantities and ``walking`` broadcast to.
+    """
     return {
         "speed": np.where(walking, steady.speed, steady.v_swim),
         "lift": np.where(walking, deepest_m(steady.robot) - steady.depth, 0.0),
@@ -269,13 +271,13 @@ def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Boo
     }
 
 
-def depth_grid(robot: Robot, count: int = DEPTHS) -> Array:
-    """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
+def depth_grid(robot: Robot, count: int = DEPTHS) -> Floats:
+    """Depths ``(count,)`` [m] from the surface to 2R - h, closer together where the step shrinks fast."""
     u = np.linspace(0.0, 1.0, count)
     return deepest_m(robot) * u * (2 - u)
 
 
-def _highest_peak(margin: Array, holds: Bool) -> Ints:
+def _highest_peak(margin: Floats, holds: Bools) -> Ints:
     """Index of the highest local maximum (below 0) before the ground first holds, 0 where there is none."""
     inner = margin[..., 1:-1]
     peak = (inner > margin[..., :-2]) & (inner >= margin[..., 2:])
@@ -284,24 +286,24 @@ def _highest_peak(margin: Array, holds: Bool) -> Ints:
     return np.where(peak.any(axis=-1), best + 1, 0)
 
 
-def _extrapolated(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+def _extrapolated(low: Floats, high: Floats, margin_low: Floats, margin_high: Floats) -> Floats:
     """Depth at which a line through two margins reaches 0; infinite if it does not rise."""
     rise = margin_high - margin_low
     share = np.divide(-margin_low, rise, out=np.full_like(rise, np.inf), where=rise > 0)
     return np.where(rise > 0, low + share * np.maximum(high - low, JUMP_M), np.inf)
 
 
-def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+def _secant(low: Floats, high: Floats, margin_low: Floats, margin_high: Floats) -> Floats:
     rise = margin_high - margin_low
     share = np.divide(-margin_low, rise, out=np.full_like(rise, 0.5), where=rise > 0)
     return low + np.clip(share, 0.0, 1.0) * (high - low)
 
 
-def _column(value: ArrayLike) -> Array:
+def _column(value: ArrayLike) -> Floats:
     column = np.asarray(value, dtype=np.float64)[..., None]
     column.flags.writeable = False  # it may be an array of the trials
     return column
 
 
-def _flat(value: Array) -> Array:
+def _flat(value: Floats) -> Floats:
     return value[..., 0] if value.ndim else value

@@ -133,7 +133,7 @@ def _named(found: Discovery) -> tuple[tuple[str, tuple[NamedEffect, ...]], ...]:
 def _named_set(
     which: str, names: tuple[str, ...], found: Discovery, fit: Fit | None
 ) -> tuple[str, tuple[NamedEffect, ...]]:
-    """The heading of one of several sets, which a single effect bears itself, and the effects of the set."""
+    """The heading of one of several sets, which a single effect has itself, and the effects of the set."""
     heading = f"{which}{' + '.join(map(readable, names))}" if which and len(names) > 1 else ""
     return heading, tuple(_named_effect(name, "" if heading else which, found, fit) for name in names)
 

@@ -6,9 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.discovery.next_trials import NextTrial, Predicted, between
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import CM, NAMES, Observable
 from sandbot_model.report import text
 from sandbot_model.report.captions import condition_label
@@ -23,7 +23,7 @@ SCALE_TICKS_SD = (1, 3, 10, 30, 100, 300, 1000)
 """Tick labels of the separation map's colour bar, which is logarithmic: gaps range from 3 to 300."""
 
 
-def difference(first: Step, second: Step, observable: str) -> Array:
+def difference(first: Step, second: Step, observable: str) -> Floats:
     """The first model's predictions of the cell means minus the second's [SI], (n,)."""
     column = Observable[observable]
     return np.asarray(first.fit.predicted[:, column] - second.fit.predicted[:, column])
@@ -78,9 +78,9 @@ def _difference_name(first: Step, second: Step) -> str:
 class Gaps:
     """Differences between rivals: for each (φ, ω) the trial that best separates a pair of them."""
 
-    phi: Array
+    phi: Floats
     """φ of the levels."""
-    omega: Array
+    omega: Floats
     """Frequencies [rad/s], a finer grid than those measured."""
     best: Mapping[tuple[float, float], NextTrial]
     """Omits (φ, ω) where no pair differs by more than scatter."""
@@ -153,7 +153,9 @@ def _hover_text(trial: NextTrial | None) -> str:
     return f"of {observable_label(trial.observable)}<br>{first} from {second}"
 
 
-def _heat(x: list[str], y: list[str], z: Array, scale: list[list[object]], low: float, high: float, title: str) -> Spec:
+def _heat(
+    x: list[str], y: list[str], z: Floats, scale: list[list[object]], low: float, high: float, title: str
+) -> Spec:
     bar = {"title": {"text": title, "side": "right", "font": {"size": 12}}, "thickness": 14, "outlinewidth": 0}
     return {
         "type": "heatmap", "x": x, "y": y, "z": as_json(z), "zmin": low, "zmax": high, "colorscale": scale,

@@ -5,9 +5,9 @@ from textwrap import wrap
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import profile
-from sandbot_model.physics.arrays import Array
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, axis_key, grid_of_panels, in_panel, legend_entry, model_name
 from sandbot_model.report.map_text import cell_labels
@@ -29,7 +29,7 @@ SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v<sub>swim</sub>"}
 
 
 @lru_cache(maxsize=128)
-def curve(fit: Fit, index: int) -> tuple[Array, Array]:
+def curve(fit: Fit, index: int) -> tuple[Floats, Floats]:
     """Values ``(n,)`` of one shared parameter, and the rise of the deviance ``(n,)`` with it held there and all others
     refitted."""
     parameter, here, error = fit.model.parameters[index], float(fit.point.theta[index]), float(fit.stderr[index])
@@ -64,7 +64,7 @@ def profiles(step: Step, theme: Theme) -> Spec:
     return spec
 
 
-def _panel(values: Array, rise: Array, here: float, error: float, theme: Theme) -> list[Spec]:
+def _panel(values: Floats, rise: Floats, here: float, error: float, theme: Theme) -> list[Spec]:
     ends = [float(values[0]), float(values[-1])]
     traces: list[Spec] = [
         {"type": "scatter", "mode": "lines", "x": ends, "y": [level] * 2, "hoverinfo": "skip", "showlegend": False,
@@ -136,8 +136,8 @@ def labels(fit: Fit) -> list[str]:
     return unique + [f"k at φ {phi:.3f}" for phi in fit.level_phi]
 
 
-def correlation(covariance: Array) -> Array:
-    """Correlation matrix, NaN where an error is unknown."""
+def correlation(covariance: Floats) -> Floats:
+    """Correlation matrix ``(n, n)`` of a covariance, NaN where an error is unknown."""
     sd = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(covariance / np.outer(sd, sd))

@@ -118,14 +118,14 @@ def add_bed(parser: Parser) -> None:
     parser.add_argument(
         "--bed-scatter",
         type=float,
-        metavar="SHARE",
+        metavar="FRACTION",
         help="prior sd of the variation of k from batch to batch "
         f"(default: {DEFAULT.bed_scatter:g}; beds have 0.003 to 0.01)",
     )
     parser.add_argument(
         "--bed-drift",
         type=float,
-        metavar="SHARE",
+        metavar="FRACTION",
         help=f"prior sd of the drift of k by the end of a campaign (default: {DEFAULT.drift:g})",
     )
 

@@ -85,7 +85,7 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(_initial_selection(args))
     title = arguments.title(args)
     arguments.check_setting(args)
-    _listen(args.port).close()  # if taken, that is told before all is fitted; workers would inherit an open socket
+    _listen(args.port).close()  # a port in use is reported before any fit; workers would inherit an open socket
     from sandbot_common.restarting_pool import RestartingPool
     from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.terminal import filled
 from sandbot_model.data.conditions import level_name
 from sandbot_model.data.regime import walks
@@ -13,7 +14,6 @@ from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.result import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import NO_ERROR, UNDETERMINED, counted, table, to_error
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
 
@@ -88,7 +88,7 @@ def _remark(fit: Fit, name: str, estimate: str) -> str:
     return "at its bound" if name in fit.at_bounds else "outside its plausible range" if name in fit.implausible else ""
 
 
-def lock_line(ratio: Array) -> str:
+def lock_line(ratio: Floats) -> str:
     """The geometry lock, which needs no fit; empty where it can't be checked."""
     finite = np.isfinite(ratio)
     if not finite.any():

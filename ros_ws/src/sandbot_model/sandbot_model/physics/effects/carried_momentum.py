@@ -21,7 +21,7 @@ class CarriedMomentum(Effect):
             0.0,
             1.0,
             0.5,
-            "share of the mean speed that remains at the next step",
+            "fraction of the mean speed that remains at the next step",
             neutral=0.0,
             hard_low=0.0,
             hard_high=1.5,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.physics.chain import Chain, disturbed_share
+from sandbot_model.physics.chain import Chain, disturbed_fraction
 from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.geometry import leg_radius_m
 
@@ -35,6 +35,6 @@ class CraterRefill(Effect):
 
     def apply(self, chain: Chain, p: Values) -> None:
         if not chain.first_step:
-            share = disturbed_share(chain, 1.2)
+            share = disturbed_fraction(chain, 1.2)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))
             chain.penetration = np.maximum(chain.penetration - share * crater, 0.0)

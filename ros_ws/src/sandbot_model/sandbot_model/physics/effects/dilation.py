@@ -1,6 +1,6 @@
 """Disturbing dilates dense ground and compacts loose ground."""
 
-from sandbot_model.physics.chain import Chain, disturbed_share
+from sandbot_model.physics.chain import Chain, disturbed_fraction
 from sandbot_model.physics.effect import Effect, Parameter, Values
 
 S_C = 0.95
@@ -46,7 +46,7 @@ class Dilation(Effect):
 
     def apply(self, chain: Chain, p: Values) -> None:
         if not chain.first_step:
-            share = disturbed_share(chain, S_C)
+            share = disturbed_fraction(chain, S_C)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)
             # A difference of the fitted curve, so that it applies to the k being tried.
             chain.k = chain.k + share * (chain.k_of_phi(phi_d) - chain.k_of_phi(chain.phi))

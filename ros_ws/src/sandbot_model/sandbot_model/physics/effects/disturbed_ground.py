@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.physics.chain import Chain, disturbed_share
+from sandbot_model.physics.chain import Chain, disturbed_fraction
 from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.geometry import critical_k_n_per_m
 
@@ -43,6 +43,6 @@ class DisturbedGround(Effect):
 
     def apply(self, chain: Chain, p: Values) -> None:
         if not chain.first_step:
-            share = disturbed_share(chain, p["s_c"])
+            share = disturbed_fraction(chain, p["s_c"])
             # Disturbance only loosens: ground that is already weaker than k_L keeps its k.
             chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

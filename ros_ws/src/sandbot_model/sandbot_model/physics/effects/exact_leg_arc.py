@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_common.arrays import Floats
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Values
 
@@ -31,7 +31,7 @@ class ExactLegArc(Effect):
         chain.force = chain.force * arc / z
 
 
-def _primitive(psi: Array, z: Array, radius: float) -> Array:
+def _primitive(psi: Floats, z: Floats, radius: float) -> Floats:
     """(R/2)(ψ + cos ψ sin ψ) + (z - R) sin ψ [m]."""
-    primitive: Array = 0.5 * radius * (psi + np.cos(psi) * np.sin(psi)) + (z - radius) * np.sin(psi)
+    primitive: Floats = 0.5 * radius * (psi + np.cos(psi) * np.sin(psi)) + (z - radius) * np.sin(psi)
     return primitive

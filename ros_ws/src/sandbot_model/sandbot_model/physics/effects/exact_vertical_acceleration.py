@@ -5,7 +5,7 @@ from sandbot_model.physics.effect import Effect, Values
 
 
 class ExactVerticalAcceleration(Effect):
-    """The body moves along the leg circle: of the acceleration Rω/Δt, the share sin θ = s/2R is vertical."""
+    """The body moves along the leg circle: of the acceleration Rω/Δt, the fraction sin θ = s/2R is vertical."""
 
     identifier = "exact_vertical_acceleration"
     stage = "balance"

@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class LegSlip(Effect):
-    """The share of motion lost falls with the square of depth; it lowers the step and the peak speed alike."""
+    """The fraction of motion lost falls with the square of depth; it lowers the step and the peak speed alike."""
 
     identifier = "leg_slip"
     stage = "step"

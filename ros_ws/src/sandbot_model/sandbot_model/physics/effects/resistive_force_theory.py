@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from sandbot_common.arrays import Floats
 from sandbot_common.robot import Robot
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Values
 from sandbot_model.physics.geometry import deepest_m
@@ -30,7 +30,7 @@ class ResistiveForceTheory(Effect):
 
 
 @lru_cache(maxsize=8)
-def _shape(robot: Robot, elements: int = 361, depths: int = 60) -> tuple[Array, Array]:
+def _shape(robot: Robot, elements: int = 361, depths: int = 60) -> tuple[Floats, Floats]:
     """Force over (depth × its value at d_r), at depths from just below the surface to 2R - h."""
     grid = np.linspace(1e-4, deepest_m(robot), depths)
     force = np.array([_force(robot, depth, elements) for depth in grid])
@@ -57,7 +57,7 @@ def _force(robot: Robot, depth: float, elements: int) -> float:
     return float(np.sum(np.where(wet, stress * -z, 0.0)))
 
 
-def _alpha_z(beta: Array, gamma: Array) -> Array:
+def _alpha_z(beta: Floats, gamma: Floats) -> Floats:
     """Vertical stress per depth, Fourier series of Li 2013 eq. S5."""
     return np.asarray(
         A00

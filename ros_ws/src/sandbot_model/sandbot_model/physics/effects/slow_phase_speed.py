@@ -22,7 +22,7 @@ class SlowPhaseSpeed(Effect):
     phase has it at the swing rate, right after the slow phase: β_swing cos θ, fully seen once the stance extends
     0.1 rad further. ρ is defined for the usual stance: within the slow phase if that reaches beyond 0.375 rad (half a
     long stance) to either side, else one that outlasts it (on SandBot's own mount SGCS is slow until θ = 0.05 rad:
-    ρ = 1.5). The other kind follows from the ratio of the rates. The peak of v_x(t) tells the two apart; the mean speed
+    ρ = 1.5). The other kind follows from the ratio of the rates. The peak of v_x(t) separates the two; the mean speed
     can't where no step is cut short (Δt → βΔt).
     """
 

@@ -5,7 +5,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class StanceOverlap(Effect):
-    """A share η of every step is lost to the other tripod."""
+    """A fraction η of every step is lost to the other tripod."""
 
     identifier = "stance_overlap"
     stage = "speed"
@@ -21,7 +21,7 @@ class StanceOverlap(Effect):
             0.0,
             0.25,
             0.1,
-            "share of the speed lost while both tripods stand",
+            "fraction of the speed lost while both tripods stand",
             neutral=0.0,
             hard_low=0.0,
             hard_high=0.9,

@@ -1,4 +1,4 @@
-"""What ends a campaign with a sentence: a gate that stays shut, trials that fail alike, a folder of another's."""
+"""What ends a campaign with a sentence: a preflight check that fails, trials that fail alike, a folder of another's."""
 
 import pytest
 

@@ -52,7 +52,7 @@ class NodeStatus(NamedTuple):
     values: Mapping[str, str] = {}
 
 
-class Hearing:
+class Monitor:
     """Subscribes for a node and keeps the latest of everything; call ``listen`` at each turn of its loop."""
 
     def __init__(self, node: Node, silence_s: float, turn_s: float) -> None:
@@ -78,7 +78,7 @@ class Hearing:
         self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
         self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
-        self._walking, self._gate_s = False, -math.inf
+        self._walking, self._begun_s = False, -math.inf
         self._publishers_of = node.get_publishers_info_by_topic
         self._rendered: set[str] = set()
         """Views of the virtual lab, which renders frames when it has time; if it dies, so does the robot."""
@@ -113,7 +113,7 @@ class Hearing:
 
     def require(self, names: Sequence[str]) -> None:
         """From now on these nodes, and the bed's status, are vital; a trial is about to begin."""
-        self._gate_s = self.now_s
+        self._begun_s = self.now_s
         self._rendered = {
             name for name, view in topics.VIEWS.items() if "lab" in names_of(self._publishers_of(view.image.relative))
         }
@@ -156,12 +156,12 @@ class Hearing:
         self._walking = True
 
     def _filming(self) -> list[Sign]:
-        """The cameras that have sent a frame since the trial's gate, whoever drives them, as the tracker counts."""
+        """The cameras that have sent a frame since the trial began, whoever drives them, as the tracker counts."""
         counted = self.statuses.get("tracker", NodeStatus()).values
         return [
             Sign(who, FRAMES, camera_silence_s(view, counted, self._silence_s))
             for view, who in _CAMERAS.items()
-            if view not in self._rendered and self.heard_since(who, self._gate_s)
+            if view not in self._rendered and self.heard_since(who, self._begun_s)
         ]
 
     @property

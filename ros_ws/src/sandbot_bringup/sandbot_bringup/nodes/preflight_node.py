@@ -9,8 +9,8 @@ from rclpy.node import Node
 from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.nodes.hearing_node import DRIVERS, Hearing
-from sandbot_bringup.nodes.orders_node import Orders, Wait
+from sandbot_bringup.nodes.monitor_node import DRIVERS, Monitor
+from sandbot_bringup.nodes.services_node import ServiceClients, Wait
 from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
@@ -35,24 +35,24 @@ _REQUIRED = ("clock", "bed", "tracker")
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 
-class Gate:
-    """Lets a campaign and its trials begin, or says what is missing."""
+class Preflight:
+    """Checks that a campaign and its trials may begin; the error says what is missing."""
 
-    def __init__(self, node: Node, hearing: Hearing, orders: Orders, wait: Wait) -> None:
-        self._node, self._hearing, self._orders, self._wait = node, hearing, orders, wait
+    def __init__(self, node: Node, monitor: Monitor, services: ServiceClients, wait: Wait) -> None:
+        self._node, self._monitor, self._services, self._wait = node, monitor, services, wait
         self.has_lab = False
         """Whether the robot is the virtual lab."""
 
     def find_nodes(self) -> None:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
-            if not self._wait(partial(self._orders.is_offered, name), DISCOVERY_S):
+            if not self._wait(partial(self._services.is_offered, name), DISCOVERY_S):
                 raise self._nobody("offers", name)
         for topic in (topics.LEG_STATES, topics.COM):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
                 raise self._nobody("publishes", topic.name)
         # The service is not enough: a preparation fails at once before the bed has received a height reading.
-        if not self._wait(lambda: math.isfinite(self._hearing.bed_height_m), DISCOVERY_S):
+        if not self._wait(lambda: math.isfinite(self._monitor.bed_height_m), DISCOVERY_S):
             unheard = endpoints.unheard(self._node, topics.BED_HEIGHT)
             raise InputError(unheard or self._with_remedy(f"bed node has no reading on {topics.BED_HEIGHT.name}"))
         # The node that reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried
@@ -60,10 +60,10 @@ class Gate:
         if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
             raise InputError(f"the node that publishes {topics.LEG_STATES.name} has no known name; {_START_THEM}")
         self.has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
-        if self.has_lab and not self._wait(partial(self._orders.is_offered, "/lab/reset"), DISCOVERY_S):
+        if self.has_lab and not self._wait(partial(self._services.is_offered, "/lab/reset"), DISCOVERY_S):
             raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
-        if not self._wait(lambda: set(self._required) <= self._hearing.statuses.keys(), DISCOVERY_S):
-            missing = next(name for name in self._required if name not in self._hearing.statuses)
+        if not self._wait(lambda: set(self._required) <= self._monitor.statuses.keys(), DISCOVERY_S):
+            missing = next(name for name in self._required if name not in self._monitor.statuses)
             raise InputError(f"the {missing} does not report its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
 
     def _nobody(self, does: str, name: str) -> InputError:
@@ -76,12 +76,12 @@ class Gate:
 
         ``lossless_s``: how long frames are stored lossless in it, which fills a disk sooner than anything else.
         """
-        self._hearing.require(self._reporting)
-        if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
-            missing = self._with_remedy(self._hearing.missing()[0])
+        self._monitor.require(self._reporting)
+        if not self._wait(lambda: not self._monitor.missing(), DISCOVERY_S):
+            missing = self._with_remedy(self._monitor.missing()[0])
             raise CampaignEnds(f"{missing}, then start the campaign again to go on")
         # A failed trial may have left the legs moving, and the air comes next.
-        if not self._wait(lambda: not self._hearing.reports_motion, DISCOVERY_S):
+        if not self._wait(lambda: not self._monitor.reports_motion, DISCOVERY_S):
             where = topics.LEG_STATES.name
             raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
         if not self._wait(lambda: not self._timeless, DISCOVERY_S):
@@ -95,7 +95,7 @@ class Gate:
         for topic in (*topics.COMMANDS, *topics.MEASURED):
             if unheard := endpoints.unheard(self._node, topic, reliable=topic in topics.COMMANDS):
                 raise CampaignEnds(f"{unheard}; fix it, then start the campaign again to go on")
-        rivals = self._hearing.rivals
+        rivals = self._monitor.rivals
         if not self._wait(lambda: not rivals.fault(), FORGOTTEN_S):
             raise CampaignEnds(f"{rivals.fault()}; end one of them, then start the campaign again to go on")
         with writing(folder.path):
@@ -111,42 +111,42 @@ class Gate:
     @property
     def _timeless(self) -> str:
         """Which node's stamps show no time, and why; an empty string if all do."""
-        statuses = self._hearing.statuses
+        statuses = self._monitor.statuses
         heard = ((who, statuses[who].values) for who in (_OURSELVES, *self._reporting) if who in statuses)
         return next((f"{who}: {values[TIMELESS]}" for who, values in heard if TIMELESS in values), "")
 
     @property
     def _reporting(self) -> list[str]:
         """Nodes whose health must be heard."""
-        return [*self._required, *(name for name in DRIVERS if name in self._hearing.statuses)]
+        return [*self._required, *(name for name in DRIVERS if name in self._monitor.statuses)]
 
     def _same_cameras(self, folder: CampaignFolder) -> None:
         """Check that the tracker measures by the calibration that bags will state. Raises CampaignEnds."""
         path = folder.path / "cameras.yaml"
-        if self._hearing.statuses["tracker"].values.get(CALIBRATION) not in (None, checksum(read_cameras(path))):
+        if self._monitor.statuses["tracker"].values.get(CALIBRATION) not in (None, checksum(read_cameras(path))):
             wrong = f"the tracker measures by another calibration than {path}"
             raise CampaignEnds(f"{wrong}; start it with cameras:={path}, then start the campaign again to go on")
 
     def _with_remedy(self, missing: str) -> str:
         """What to do about it; a driver that has lost its device explains it, and is running already."""
-        unplugged = self._hearing.unplugged()
+        unplugged = self._monitor.unplugged()
         return f"the {unplugged[0]}; fix it" if unplugged else f"the {missing}; {_START_THEM}"
 
     def _pace(self, bed: ProtocolParameters) -> None:
         """Check that the sensors run at their rates. Raises CampaignEnds naming one that does not."""
-        hearing = self._hearing
+        monitor = self._monitor
         # At a lower rate of heights a rest of the bed would time out.
         least_hz = bed.min_readings / (bed.average_s + bed.overrun_s)
-        since_s, heights, before = hearing.now_s, hearing.heights, hearing.statuses["tracker"].values
+        since_s, heights, before = monitor.now_s, monitor.heights, monitor.statuses["tracker"].values
         faults = [""]
 
         def paced() -> bool:
-            rate_hz = (hearing.heights - heights) / max(hearing.now_s - since_s, PACE_S)
+            rate_hz = (monitor.heights - heights) / max(monitor.now_s - since_s, PACE_S)
             slow = f"{topics.BED_HEIGHT.name} comes at {rate_hz:.1f} Hz, {least_hz:.1f} are needed"
             # The virtual lab renders frames when it has time, but stamps them at a regular rate.
-            cameras = "" if self.has_lab else pace_fault(before, hearing.statuses["tracker"].values)
+            cameras = "" if self.has_lab else pace_fault(before, monitor.statuses["tracker"].values)
             faults[0] = slow if rate_hz < least_hz else cameras
-            return not faults[0] and hearing.now_s - since_s >= PACE_S
+            return not faults[0] and monitor.now_s - since_s >= PACE_S
 
         if not self._wait(paced, DISCOVERY_S):
             raise CampaignEnds(f"{faults[0]}; fix it, then start the campaign again to go on")

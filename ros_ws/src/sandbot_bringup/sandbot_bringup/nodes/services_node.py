@@ -1,4 +1,4 @@
-"""A campaign's calls to the nodes' services and parameters. A refused order fails the trial."""
+"""A campaign's calls to the nodes' services and parameters. A refused call fails the trial."""
 
 import math
 import time
@@ -25,7 +25,7 @@ Wait = Callable[[Callable[[], bool], float], bool]
 """Spin until a condition holds, up to a number of seconds; returns whether it does."""
 
 
-class Orders:
+class ServiceClients:
     """Service clients of a node; ``wait`` spins it."""
 
     def __init__(self, node: Node, wait: Wait) -> None:

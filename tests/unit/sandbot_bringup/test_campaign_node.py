@@ -15,9 +15,9 @@ from sandbot_bringup import folder as folders
 from sandbot_bringup.endings import CampaignEnds, Held, StoppedByHand, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.nodes import campaign_node, orders_node
-from sandbot_bringup.nodes.campaign_node import Operator, keep_complete
-from sandbot_bringup.nodes.hearing_node import NodeStatus
+from sandbot_bringup.nodes import campaign_node, services_node
+from sandbot_bringup.nodes.campaign_node import CampaignNode, keep_complete
+from sandbot_bringup.nodes.monitor_node import NodeStatus
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.robot import SANDBOT, Robot
@@ -32,7 +32,7 @@ LAUNCHED = {"bed": asdict(ProtocolParameters(fluidise_s=0.7)) | {"target_phi": 0
 (TRIAL,) = trials_of(replace(PLAN, replicates=1))
 
 
-class Orders:
+class ServiceClients:
     """Keeps what was asked; refuses what is named."""
 
     def __init__(self, refused=""):
@@ -58,7 +58,7 @@ class Orders:
         return type("Answer", (), {"done": lambda _: True})()
 
 
-class Hearing:
+class Monitor:
     """A trackway at rest."""
 
     statuses = {"tracker": NodeStatus(0, "ok")}
@@ -68,12 +68,12 @@ class Hearing:
 
 
 def operator(refused="", plan=PLAN):
-    one = object.__new__(Operator)
-    one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
+    one = object.__new__(CampaignNode)
+    one._plan, one._service_clients, one._monitor = plan, ServiceClients(refused), Monitor()
     one._bed, one._found = plan.bed_protocol, {}
     one._lease, one._commanding, one._begun_s = None, False, 0.0
     one._health = SimpleNamespace(held_up_s=0.0, refused="")
-    one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
+    one._preflight = type("Preflight", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
 
 
@@ -81,17 +81,17 @@ def test_omega_is_not_set_of_legs_that_somebody_else_runs():
     one = operator(refused="/clock/home")
     with pytest.raises(TrialFailed, match="the clock is running"):
         one._set_up(TRIAL)
-    assert one._orders.asked == ["/clock/home"]
+    assert one._service_clients.asked == ["/clock/home"]
 
 
 def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     one = operator(refused="/clock/start")
     one._set_up(TRIAL)
-    assert one._orders.asked[:2] == ["/clock/home", ("clock", 12.0)]
-    one._orders.asked.clear()
+    assert one._service_clients.asked[:2] == ["/clock/home", ("clock", 12.0)]
+    one._service_clients.asked.clear()
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)
-    assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
+    assert one._service_clients.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
 
 
 @pytest.mark.parametrize(("reports", "said"), [(True, "no leg moved"), (False, "whether a leg moved is not known")])
@@ -99,7 +99,7 @@ def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
     one = operator()
     one._wait = lambda *_: False
     silent = {"motion_start_ns": None, "robot_warns": ""}
-    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=reports, **silent)
+    one._monitor = SimpleNamespace(statuses=Monitor.statuses, reports_legs=reports, **silent)
     with pytest.raises(TrialFailed, match=f"the clock was started but {said}"):
         one._walk(TRIAL)
 
@@ -107,9 +107,9 @@ def test_of_legs_that_are_not_heard_nothing_is_said(reports, said):
 def test_a_robot_that_warns_and_does_not_move_is_left_to_a_person():
     one = operator()
     one._wait, one._spin_until = lambda *_: False, lambda *_: False
-    one.hold, one.desk = Hold(), SimpleNamespace(attended=True)
+    one.hold, one.interface = Hold(), SimpleNamespace(attended=True)
     silent = {"motion_start_ns": None, "robot_warns": "rig: emergency stop"}
-    one._hearing = SimpleNamespace(statuses=Hearing.statuses, reports_legs=True, **silent)
+    one._monitor = SimpleNamespace(statuses=Monitor.statuses, reports_legs=True, **silent)
     with pytest.raises(Held, match=r"the robot does not move as it is told \(rig: emergency stop\)"):
         one._walk(TRIAL)
 
@@ -117,22 +117,22 @@ def test_a_robot_that_warns_and_does_not_move_is_left_to_a_person():
 def heard_of_bed(preparation, stage, text=""):
     """Legs that report rest, and a bed's last message."""
     bed = {"bed_preparation": preparation, "bed_stage": stage, "bed_text": text, "robot_warns": ""}
-    return SimpleNamespace(statuses=Hearing.statuses, motion_start_ns=None, reports_legs=True, **bed)
+    return SimpleNamespace(statuses=Monitor.statuses, motion_start_ns=None, reports_legs=True, **bed)
 
 
 def test_what_begins_is_told_by_legs_and_bed_themselves():
     """Whoever has not got the answer asks again only for what has not begun."""
     one, begun = operator(), {}
-    one.desk, one._stopped_by_hand = SimpleNamespace(enter=lambda _: None), lambda _: None
-    one._orders.call = lambda name, word=None, *_: begun.update({name: word})
+    one.interface, one._stopped_by_hand = SimpleNamespace(enter=lambda _: None), lambda _: None
+    one._service_clients.call = lambda name, word=None, *_: begun.update({name: word})
     one._wait = lambda *_: False
-    one._hearing = heard_of_bed("3", "ready")
+    one._monitor = heard_of_bed("3", "ready")
     for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
         with pytest.raises(TrialFailed):
             part()
     asked = ("/bed/prepare", "/clock/start")
     assert not any(begun[name]() for name in asked)
-    one._hearing.bed_preparation, one._hearing.motion_start_ns = "4", 1
+    one._monitor.bed_preparation, one._monitor.motion_start_ns = "4", 1
     assert all(begun[name]() for name in asked)
 
 
@@ -142,9 +142,9 @@ def test_what_begins_is_told_by_legs_and_bed_themselves():
 )
 def test_only_a_bed_that_is_ready_with_the_preparation_that_was_asked_for_is_prepared(number, stage, prepared):
     one = operator()
-    one.desk = SimpleNamespace(enter=lambda _: None)
-    one._hearing = SimpleNamespace(bed_preparation="3", bed_stage="ready", bed_text="")
-    one._orders.call = lambda *_: vars(one._hearing).update(bed_preparation=number, bed_stage=stage)
+    one.interface = SimpleNamespace(enter=lambda _: None)
+    one._monitor = SimpleNamespace(bed_preparation="3", bed_stage="ready", bed_text="")
+    one._service_clients.call = lambda *_: vars(one._monitor).update(bed_preparation=number, bed_stage=stage)
     one._wait = lambda condition, _: condition()
     if prepared:
         one._prepare_bed()
@@ -156,13 +156,13 @@ def test_only_a_bed_that_is_ready_with_the_preparation_that_was_asked_for_is_pre
 def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
     """A request does not name its sender: clock and bed go by the lease."""
     one, said, asked = operator(), [], {}
-    one.desk, one._allowed, one._commanding = SimpleNamespace(enter=lambda _: None), "nothing", True
+    one.interface, one._allowed, one._commanding = SimpleNamespace(enter=lambda _: None), "nothing", True
     one.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1))
     one.get_name = lambda: "campaign"
     one._lease = SimpleNamespace(publish=lambda message: said.append(message.frame_id), wait_for_all_acked=lambda _: 1)
     one._wait = lambda condition, _: condition()
-    one._hearing = heard_of_bed("", "failed", "no height")
-    one._orders.call = lambda name, *_: asked.update({name: said[-1:]})
+    one._monitor = heard_of_bed("", "failed", "no height")
+    one._service_clients.call = lambda name, *_: asked.update({name: said[-1:]})
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)
     with pytest.raises(TrialFailed, match="no height"):
@@ -175,7 +175,7 @@ def test_legs_and_air_may_begin_only_while_the_campaign_asks_for_them():
 
 def asked(said, since_s):
     """How long /clock/start is waited for that answers ``said`` one after the other; of a trial begun at 100 s."""
-    one, waited = object.__new__(orders_node.Orders), []
+    one, waited = object.__new__(services_node.ServiceClients), []
     answers = iter([SimpleNamespace(success=message == "running", message=message) for message in said])
     one._triggers, one._ask = {"/clock/start": None}, lambda *_: next(answers)
     one._wait = lambda _, seconds: waited.append(seconds)
@@ -209,16 +209,16 @@ def test_a_stop_before_the_trial_is_waited_for_and_a_later_one_holds():
 def test_legs_that_were_stopped_by_hand_before_they_began_hold_the_campaign():
     one = operator()
     one.hold, one._allowed, one._commanding, one._lease = Hold(), "nothing", False, None
-    one.desk, one._spin_until = SimpleNamespace(attended=True), lambda *_: False
+    one.interface, one._spin_until = SimpleNamespace(attended=True), lambda *_: False
 
     def stopped(*_):
         raise StoppedByHand("stopped by hand before /clock/start")
 
-    one._orders.call = stopped
+    one._service_clients.call = stopped
     with pytest.raises(Held, match="stopped by hand before /clock/start"):
         one._start("legs", "/clock/start", lambda: False)
     assert one.hold.state == "stopping"
-    one.hold, one.desk.attended = Hold(), False
+    one.hold, one.interface.attended = Hold(), False
     with pytest.raises(CampaignEnds):
         one._start("legs", "/clock/start", lambda: False)
 
@@ -228,19 +228,19 @@ def test_a_campaign_that_was_suspended_commands_nothing_when_it_wakes(held_s):
     """Another may have taken over: its legs were stopped, and its settings overwritten."""
     one, sent, renewed = operator(), [], []
     one._read_settings()
-    one._orders.send, one._spin_until, one._recorder = sent.append, lambda *_: True, object()
+    one._service_clients.send, one._spin_until, one._recorder = sent.append, lambda *_: True, object()
     one._commanding, one._renewed_s, one._allowed = True, -math.inf, "legs"
     one._lease = SimpleNamespace(publish=renewed.append)
     one.get_name = lambda: "campaign"
     one.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1))
     one._health = SimpleNamespace(held_up_s=held_s, refused="taken over" * bool(held_s))
-    one._hearing.fault = lambda: ""
+    one._monitor.fault = lambda: ""
     one._recorder = SimpleNamespace(ended=False, frozen=False)
     one._renew(1.0)
     assert one._fault() == ("the campaign was held up for 41 s" if held_s else "")
     one._make_safe()
     one.restore_settings()
-    assert bool(renewed) is bool(sent) is bool(one._orders.values) is (not held_s)
+    assert bool(renewed) is bool(sent) is bool(one._service_clients.values) is (not held_s)
 
 
 @pytest.mark.parametrize("refused", ["another campaign is running already", ""])
@@ -248,7 +248,7 @@ def test_a_second_campaign_ends_before_it_offers_a_lease_or_makes_a_folder(monke
     """Its nodes had been heard, the other campaign had not: it made a folder, and was refused at its first trial."""
     monkeypatch.setattr(campaign_node, "publisher", lambda *_: "lease")
     one = operator()
-    one._gate, one._recorder, one.hold = SimpleNamespace(find_nodes=lambda: None), None, Hold()
+    one._preflight, one._recorder, one.hold = SimpleNamespace(find_nodes=lambda: None), None, Hold()
     one._stop, one._health = SimpleNamespace(asked=False), SimpleNamespace(settled=False, refused="")
 
     def spin(condition, _):
@@ -268,7 +268,7 @@ def test_a_second_campaign_ends_before_it_offers_a_lease_or_makes_a_folder(monke
 @pytest.mark.ros
 def test_a_stop_is_heard_from_the_first_moment_and_holds_what_has_not_begun(domain):
     rclpy.init()
-    one = Operator(PLAN, SANDBOT, Stop())
+    one = CampaignNode(PLAN, SANDBOT, Stop())
     try:
         assert {"campaign/stop", "campaign/pause", "campaign/go"} <= {service.srv_name for service in one.services}
         one.hold.stop("stopped by the operator")
@@ -286,12 +286,12 @@ def test_what_a_plan_says_of_the_bed_holds_for_its_own_campaign_alone():
     one._read_settings()
     one._set_up(TRIAL)
     set_up = LAUNCHED["bed"] | {"settle_s": 0.4, "average_s": 0.2, "target_phi": 0.605}
-    assert one._orders.values["bed"] == set_up
-    one._orders.values["bed"]["settle_s"] = 9.0
+    assert one._service_clients.values["bed"] == set_up
+    one._service_clients.values["bed"]["settle_s"] = 9.0
     one._read_settings()  # the next trial's: what is launched is what was there before the first
     one.restore_settings()
-    assert one._orders.values["bed"] == LAUNCHED["bed"]
-    assert one._orders.values["clock"] == {"max_run_s": 30.0}
+    assert one._service_clients.values["bed"] == LAUNCHED["bed"]
+    assert one._service_clients.values["clock"] == {"max_run_s": 30.0}
     told = json.loads(trial_message(one._plan, TRIAL, Robot(), 0, one._bed))
     assert told["bed"] == {name: set_up[name] for name in set_up if name != "target_phi"}
 
@@ -301,8 +301,10 @@ def test_a_trial_begins_when_the_stops_of_the_last_one_have_been_obeyed(tmp_path
     one, folder, began = operator(), CampaignFolder(tmp_path / "live"), {}
     folder.path.mkdir()
     one._begun_s, one._wait, one._running = math.nan, lambda *_: True, ""
-    one._gate.before_trial = lambda *_: one._orders.asked.append("gate")
-    one._orders.await_answers = lambda: one._orders.asked.append("answers") or began.update(s=one._begun_s)
+    one._preflight.before_trial = lambda *_: one._service_clients.asked.append("preflight")
+    one._service_clients.await_answers = lambda: (
+        one._service_clients.asked.append("answers") or began.update(s=one._begun_s)
+    )
 
     def set_up(_):
         raise TrialFailed("far enough")
@@ -310,7 +312,7 @@ def test_a_trial_begins_when_the_stops_of_the_last_one_have_been_obeyed(tmp_path
     one._set_up = set_up
     with pytest.raises(TrialFailed, match="far enough"):
         one.run(TRIAL, folder, [])
-    assert one._orders.asked == ["gate", "answers"]  # a frozen bed doesn't pass the gate
+    assert one._service_clients.asked == ["preflight", "answers"]  # a frozen bed doesn't pass the preflight
     assert math.isnan(began["s"])
     assert math.isfinite(one._begun_s)
 
@@ -344,7 +346,7 @@ def test_a_recorder_is_not_killed_for_a_disk_that_does_not_answer(looks, asked, 
         return condition()
 
     recorder = SimpleNamespace(ended=False, awaits_disk=False, tell=lambda _: None, kill=kills.append)
-    one._spin_until, one.desk = spin, SimpleNamespace(enter=entered.append)
+    one._spin_until, one.interface = spin, SimpleNamespace(enter=entered.append)
     one._stop = SimpleNamespace(asked=asked)
     one._end_recording(recorder, "ok")
     assert entered == ["closing the bag: its disk does not answer"] * stages

@@ -1,4 +1,4 @@
-"""The operator's interface to a running campaign: stop, pause, go; skip, repeat, add. Orders are answered and logged.
+"""The operator's interface to a running campaign: stop, pause, go; skip, repeat, add. Commands are answered and logged.
 
 stop, pause and go are services (``hold_node``). The others come as JSON on campaign/command: ``{"id":
 "...", "do": "skip", "trial_id": "..."}``, ``repeat`` likewise, or ``{"do": "add", "phi": 0.605, "omega_rad_s": 12,
@@ -32,7 +32,7 @@ _ANSWERS, _TAIL = 20, 60
 """Answers and events kept in the status."""
 
 
-class Desk:
+class OperatorInterface:
     """Publishes campaign/status at every change and once a second; ``keep_plan`` stores an extended plan.
 
     ``look`` is the result of the last look of a campaign until a verdict.
@@ -135,7 +135,7 @@ class Desk:
                 said = queue.add(what)
             case other:
                 raise InputError(
-                    f"campaign/command: {other!r} with {sorted(what)} is not an order: skip or repeat with trial_id, "
+                    f"campaign/command: {other!r} with {sorted(what)} is not a command: skip or repeat with trial_id, "
                     "or add with phi, omega_rad_s, replicates and gait"
                 )
         # If writing fails the order is refused, and nothing has changed, not even what a resumed campaign would run.

@@ -9,8 +9,8 @@ from rclpy.task import Future
 
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bringup.endings import TrialFailed
-from sandbot_bringup.nodes import orders_node
-from sandbot_bringup.nodes.orders_node import Orders
+from sandbot_bringup.nodes import services_node
+from sandbot_bringup.nodes.services_node import ServiceClients
 from sandbot_common.ros.ros_parameters import Parameters
 from sandbot_common.standstill import AWAKE_S
 
@@ -45,19 +45,21 @@ def bed(domain):
 
 def test_parameters_that_fit_only_together_are_set_together_or_not_at_all(bed):
     settings = Parameters(bed, BedParameters)
-    orders = Orders(SimpleNamespace(create_client=lambda kind, _: Client(bed, kind)), lambda condition, _: condition())
-    orders.set("bed", SHORT)
+    services = ServiceClients(
+        SimpleNamespace(create_client=lambda kind, _: Client(bed, kind)), lambda condition, _: condition()
+    )
+    services.set("bed", SHORT)
     assert (settings.current.settle_s, settings.current.average_s) == (0.4, 0.2)
     with pytest.raises(TrialFailed, match=r"bed refused its parameters: .*average_s 0\.5 is longer than the rest"):
-        orders.set("bed", {"fluidise_s": 0.7, "average_s": 0.5})
+        services.set("bed", {"fluidise_s": 0.7, "average_s": 0.5})
     assert settings.current.fluidise_s == 5.0
 
 
 @pytest.mark.parametrize("began", [True, False])
 def test_legs_that_a_person_has_stopped_since_are_not_started_again_for_a_lost_answer(monkeypatch, began):
-    one, given = object.__new__(Orders), []
+    one, given = object.__new__(ServiceClients), []
     one._triggers, one._wait = {"/clock/start": None}, None
-    monkeypatch.setattr(orders_node, "ask", lambda *words: given.append(words[-1]))
+    monkeypatch.setattr(services_node, "ask", lambda *words: given.append(words[-1]))
     if not began:
         with pytest.raises(TrialFailed, match="no answer from /clock/start within 10 s"):
             one.call("/clock/start", lambda: False)
@@ -76,11 +78,13 @@ def test_a_stop_that_was_sent_is_waited_for_until_it_is_obeyed_or_too_old_to_be(
             answer.set_result(None)
         waited.append((condition(), seconds))
 
-    orders = Orders(SimpleNamespace(create_client=lambda *_: SimpleNamespace(call_async=lambda _: next(sent))), wait)
-    orders.send("/clock/stop")
-    orders.send("/bed/abort")
+    services = ServiceClients(
+        SimpleNamespace(create_client=lambda *_: SimpleNamespace(call_async=lambda _: next(sent))), wait
+    )
+    services.send("/clock/stop")
+    services.send("/bed/abort")
     answers[0].set_result(None)  # the bed is frozen
-    orders.await_answers()
+    services.await_answers()
     assert waited == [(False, AWAKE_S), (True, AWAKE_S)]
-    orders.await_answers()  # what has been waited for once is not waited for again
+    services.await_answers()  # what has been waited for once is not waited for again
     assert waited[2:] == [(True, AWAKE_S)] * 2

@@ -1,4 +1,4 @@
-"""The desk of a campaign without a graph."""
+"""The operator interface of a campaign without a graph."""
 
 import json
 from types import SimpleNamespace
@@ -6,20 +6,20 @@ from types import SimpleNamespace
 import pytest
 
 from sandbot_bringup.hold import Hold
-from sandbot_bringup.nodes.desk_node import Desk
+from sandbot_bringup.nodes.operator_node import OperatorInterface
 from sandbot_bringup.plan import Plan
 from sandbot_bringup.queue import Queue
 from sandbot_common import messages
 from sandbot_common.errors import InputError
 
 
-def test_half_a_character_in_an_order_is_answered_and_does_not_end_the_campaign():
-    one, said = object.__new__(Desk), []
+def test_half_a_character_in_a_command_is_answered_and_does_not_end_the_campaign():
+    one, said = object.__new__(OperatorInterface), []
     one._answers, one.queue = {}, SimpleNamespace(plan=None)
     one._content = lambda: {"answers": one._answers}
     one._status = SimpleNamespace(publish=lambda message: said.append(message.data.encode()))
     one._on_command(messages.string('{"id": "\\ud800", "do": "dance"}'))
-    assert "not an order" in json.loads(said[-1])["answers"]["\ud800"]["message"]
+    assert "not a command" in json.loads(said[-1])["answers"]["\ud800"]["message"]
 
 
 PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)
@@ -27,8 +27,8 @@ PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)
 
 @pytest.mark.parametrize("full", ["journal", "plan", ""])
 @pytest.mark.parametrize("do", ["skip", "add"])
-def test_an_order_that_cannot_be_kept_is_not_carried_out(full, do):
-    one, done = object.__new__(Desk), []
+def test_a_command_that_cannot_be_kept_is_not_carried_out(full, do):
+    one, done = object.__new__(OperatorInterface), []
 
     def write(file):
         if file == full:
@@ -49,7 +49,7 @@ def test_an_order_that_cannot_be_kept_is_not_carried_out(full, do):
 
 
 def test_a_disk_that_cannot_be_asked_does_not_end_the_campaign(tmp_path):
-    one = object.__new__(Desk)
+    one = object.__new__(OperatorInterface)
     one._folder = tmp_path
     assert one._free_bytes() > 0
     one._folder = tmp_path / "pulled out"
@@ -59,7 +59,7 @@ def test_a_disk_that_cannot_be_asked_does_not_end_the_campaign(tmp_path):
 @pytest.mark.parametrize("full", [False, True])
 def test_the_last_status_says_that_the_campaign_has_ended_and_why(tmp_path, full):
     """On a full disk, too; one that goes on, as with --redo, is running again."""
-    one, said, kept = object.__new__(Desk), [], []
+    one, said, kept = object.__new__(OperatorInterface), [], []
 
     def add(who, do, **what):
         if full:
