@@ -30,6 +30,11 @@ def leg_mount_rad(said: Mapping[str, object], where: str) -> float:
     return angle
 
 
+def at_rest(rates: Sequence[float]) -> bool:
+    """Whether joint states with these rates say that no leg turns; NaN, or no rates at all, does not say so."""
+    return len(rates) > 0 and all(rate == 0 for rate in rates)
+
+
 def by_leg(message: Any, order: Sequence[str]) -> tuple[Angles, Angles]:
     """Angles and rates (legs,) of a joint state, in this order, by name.
 
