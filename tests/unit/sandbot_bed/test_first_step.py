@@ -3,11 +3,13 @@
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.nodes.bed_node import BedNode
 from sandbot_bed.protocol import PulseProtocol
+from sandbot_common import messages, topics
 from sandbot_common.standstill import STOPPED, Standstill
 
 TRIGGER = SimpleNamespace(success=None, message="")
@@ -72,3 +74,22 @@ def test_an_abort_outlives_a_preparation_that_was_asked_for_before_it_and_no_lat
     assert (answer.success, answer.message, stages) == (False, STOPPED, [])
     one._standstill = Standstill(time.monotonic(), {STOPPED: time.monotonic() - 0.1})
     assert one._on_prepare(None, TRIGGER).success
+
+
+@pytest.mark.parametrize(
+    ("rates", "refused"),
+    [
+        ([], "legs move (/leg_states gives no rates); call /clock/stop first"),
+        ([0.0] * 5 + [np.nan], "legs move (/leg_states); call /clock/stop first"),
+        ([0.0] * 5 + [-1e-300], "legs move (/leg_states); call /clock/stop first"),
+        ([0.0] * 6, ""),
+    ],
+)
+def test_no_air_beside_legs_that_do_not_say_that_they_rest(bed, rates, refused):
+    """A driver that reports angles alone, as many do, was a robot at rest, whatever its legs did."""
+    one, stages = bed
+    message = messages.joint_state(1, topics.LEGS, np.ones(6), np.array(rates), np.zeros(6))
+    one._on_legs(topics.LEG_STATES.name, message)
+    answer = one._on_prepare(None, SimpleNamespace(success=None, message=""))
+    assert (answer.success, answer.message if refused else "") == (not refused, refused)
+    assert bool(stages) == (not refused)

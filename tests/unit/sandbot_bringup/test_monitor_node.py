@@ -66,6 +66,13 @@ def test_no_trial_begins_while_legs_say_that_they_move(monitor, node):
         preflight.before_trial(None, None)
 
 
+@pytest.mark.parametrize(("rates", "moving"), [([], True), ([np.nan], True), ([0.0, -1.0], True), ([0.0] * 6, False)])
+def test_legs_rest_only_when_their_rates_say_so(hearing, rates, moving):
+    six = np.zeros(6)
+    hearing._on_legs(messages.joint_state(1, topics.LEGS, six, np.array(rates), six))
+    assert hearing.moving == moving
+
+
 @pytest.mark.parametrize(
     ("topic", "offered", "said"),
     [

@@ -53,12 +53,50 @@ def legs():
     return one
 
 
-@pytest.mark.parametrize("spoil", ["position", "velocity", "name"])
-def test_a_set_point_that_is_not_whole_is_refused(legs, spoil):
-    message = messages.joint_state(1, topics.LEGS, SIX, SIX, SIX)
-    setattr(message, spoil, [])
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        ({"position": []}, "6 names, 0 angles, 6 rates"),
+        ({"velocity": [1.0] * 5}, "6 names, 6 angles, 5 rates"),
+        ({"name": []}, "0 names, 6 angles, 6 rates"),
+        ({"name": ["tail", *topics.LEGS[1:]]}, "no leg 'front_left' among tail, "),
+    ],
+)
+@pytest.mark.parametrize("walking", [False, True])
+def test_a_set_point_that_is_not_whole_is_refused_and_stops_legs(legs, spoil, said, walking):
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, 0 * SIX, SIX))
+    if walking:
+        legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, SIX, SIX))
+    assert legs._moving == walking
+    message = messages.joint_state(2, topics.LEGS, SIX, SIX, SIX)
+    for name, values in spoil.items():
+        setattr(message, name, values)
     legs._on_setpoint(message)
-    assert (legs._refused, legs._sent, legs._port.written) == (1, 0, [])
+    assert (legs._refused, legs._moving) == (1, False)
+    assert legs._why.startswith(f"{'legs stopped' if walking else 'set-point refused'}: set-points: {said}")
+    assert len(legs._port.written) == (3 if walking else 1)
+
+
+@pytest.mark.parametrize("far", [1e300, -1e300, 1e7])
+def test_legs_are_not_told_to_rest_where_no_leg_can_be(legs, far):
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, far * SIX, 0 * SIX, SIX))
+    assert (legs._refused, legs._port.written) == (1, [])
+    assert "an angle of 1e+" in legs._why
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, 9e5 * SIX, 0 * SIX, SIX))  # after days of walking
+    assert len(legs._port.written) == 1
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -1e300])
+def test_a_report_of_no_angle_is_passed_on_and_no_place_to_hold_the_legs_at(legs, odd):
+    """After a reset of a controller that reports NaN once, the legs were told to rest at NaN."""
+    published = []
+    legs._states = SimpleNamespace(publish=published.append)
+    legs._lapsed = True
+    for angle in (0.25, odd):
+        legs._heard(Line("L", (1, *[angle] * 6, *[0.0] * 12)), 1)
+    assert list(published[-1].position) == pytest.approx([odd] * 6, nan_ok=True)
+    legs._on_setpoint(messages.joint_state(2, topics.LEGS, SIX, 0 * SIX, SIX))
+    assert decode(legs._port.written.pop()[:-1]).values[1:] == (0.25,) * 6 + (0.0,) * 6
 
 
 def test_one_that_is_whole_goes_out(legs):

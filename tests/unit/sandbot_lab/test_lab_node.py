@@ -251,3 +251,45 @@ def test_a_lab_without_cameras_leaves_the_pictures_to_others(beside, domain, ima
     finally:
         process.terminate()
         process.wait(30)
+
+
+def no_walk(spoilt):
+    """A first set-point that moves, with what no leg can do."""
+    message = messages.joint_state(0, topics.LEGS, np.ones(6), np.full(6, 16.0), np.zeros(6))
+    for name, values in spoilt.items():
+        setattr(message, name, values)
+    return message
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "said"),
+    [
+        ({"position": [np.nan] * 6}, "not finite"),
+        ({"velocity": [np.nan] * 6}, "not finite"),
+        ({"velocity": [np.inf] * 6}, "not finite"),
+        ({"velocity": [-1e300] * 6}, "would turn at 1e+300 rad/s"),
+        ({"position": [1e300] * 6}, "an angle of 1e+300 rad"),
+        ({"position": [-1e300] * 6}, "an angle of 1e+300 rad"),
+        ({"position": [1.0] * 5}, "6 names, 5 angles, 6 rates"),
+        ({"velocity": [16.0]}, "6 names, 6 angles, 1 rates"),
+        ({"name": [*topics.LEGS[:5], "tail"]}, "no leg 'rear_right'"),
+    ],
+)
+def test_a_walk_does_not_begin_with_what_no_leg_can_do(lab, beside, heard, spoilt, said):
+    told = {}
+    endpoints.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.update(lab=message.status[0]))
+    legs = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
+    beside.until(lambda: legs.get_subscription_count() and heard["/bed/height"])
+    t0_ns = beside.node.get_clock().now().nanoseconds
+    legs.publish(messages.joint_state(t0_ns - 1, topics.LEGS, np.ones(6), np.zeros(6), np.zeros(6)))
+    message = no_walk(spoilt)
+    message.header = messages.header(t0_ns, "")
+    legs.publish(message)
+    beside.until(lambda: "lab" in told and said in told["lab"].message)
+    assert not heard["/sync_led"]
+    assert not heard["/leg_states"]
+    t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
+    rates[-1] = 0.0
+    play(legs, topics.LEGS, t0_ns + 10_000_000, t_s, angles, rates)  # the lab lives, and the next walk is a whole one
+    beside.until(lambda: len(heard["/leg_states"]) == SETPOINTS)
+    assert len(heard["/sync_led"]) == 1

@@ -25,14 +25,14 @@ class Bench:
         times = (np.arange(round(seconds / PERIOD)) + phase) * PERIOD
         self.times = times[rng.uniform(size=times.size) >= lost]
 
-    def run(self, told=None, robot=True, offset_s=None):
-        """Every frame 5 ms after its exposure; the flashes told (all of them), 20 ms late."""
+    def run(self, told=None, robot=True, offset_s=None, late_s=0.005):
+        """Every frame ``late_s`` after its exposure; the flashes told (all of them), 20 ms late."""
         told = list(self.flashes_s if told is None else told)
         for t in self.times:
-            while told and t > told[0] + 0.02:
+            while told and t + late_s > told[0] + 0.025:
                 self.clock.led(T0 + round(told.pop(0) * NANO))
             lit = any(one <= t + EXPOSURE / 4 < one + LED_ON for one in self.flashes_s)
-            now = T0 + round((t + 0.005) * NANO)
+            now = T0 + round((t + late_s) * NANO)
             off = self.offset_s if offset_s is None else offset_s(t)
             self.clock.stamped(T0 + round((t - off) * NANO), now)
             self.clock.frame(T0 + round((t - off) * NANO), now, now if robot else None, lit)
@@ -44,6 +44,14 @@ def test_frames_that_no_edge_places_tell_how_far_they_are_behind(offset_s, unpla
     clock = Bench(offset_s, []).run()
     assert clock.placed != unplaced
     assert clock.behind_ns * 1e-9 == pytest.approx(offset_s + 0.005, abs=1e-3)
+
+
+@pytest.mark.parametrize(("flashes_s", "placed"), [([2.0], True), ([], False)])
+def test_frames_that_arrive_late_are_placed_once_the_edge_is_in_the_film(flashes_s, placed):
+    clock = Bench(0.0, flashes_s).run(late_s=1.5)
+    assert clock.placed == placed
+    assert clock.edges == len(flashes_s)
+    assert clock.offset_ns == 0
 
 
 @given(st.floats(-5, 5), st.floats(0, 1), st.integers(0, 2**32 - 1), st.floats(0, 0.3))

@@ -5,8 +5,10 @@ at rest and a clock that commands nothing may be silent. An overlap of air and m
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+from sandbot_common.legs import at_rest
 
 FRESH_S = 0.5
 """Moving legs and a bed report many times within this; an older report does not count."""
@@ -52,9 +54,9 @@ class Safety:
     _air: _Report = field(default_factory=_Report)
     _clock: _Report = field(default_factory=_Report)
 
-    def on_legs(self, rates_rad_s: Iterable[float], now_s: float) -> None:
-        """A message of /leg_states. NaN counts as turning."""
-        moving = any(rate != 0 for rate in rates_rad_s)
+    def on_legs(self, rates_rad_s: Sequence[float], now_s: float) -> None:
+        """A message of /leg_states. What does not say rest counts as turning."""
+        moving = not at_rest(rates_rad_s)
         if not moving and self._legs.value != 0:
             self.rest_s = now_s
         self._legs = _Report(float(moving), now_s)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
-from sandbot_common.legs import check_turning
+from sandbot_common.legs import check_legs, check_turning
 from sandbot_lab import kernel, resistive_kernel
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week, seen_x_m
@@ -157,5 +157,4 @@ def _check_legs(t_s: Floats, angles: Floats, rates: Floats, legs: int) -> None:
         raise InputError(f"set-points: angles {angles.shape}, rates {rates.shape}: expected {legs} legs in both")
     if not np.isfinite(t_s[-1]) or not (np.diff(t_s) > 0).all():
         raise InputError(f"set-points: time must be finite and rise, got {t_s[-1]} after {t_s[0]}")
-    if not (np.isfinite(angles).all() and np.isfinite(rates).all()):
-        raise InputError("set-points: an angle or rate is not finite")
+    check_legs(angles, rates)

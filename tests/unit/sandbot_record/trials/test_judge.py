@@ -1,8 +1,11 @@
 """A trial in which something was lost is told from one in which nothing was."""
 
+from array import array
+
 import bags
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_clock.phase_clock import PhaseClock
@@ -274,3 +277,74 @@ def test_a_set_point_that_was_changed_while_the_legs_walked_is_told(tmp_path, ch
 
 def test_legs_that_walked_at_another_rate_than_planned_from_the_start_are_told(tmp_path):
     assert status(tmp_path, more=told_by_the_clock(omega=1.1 * bags.OMEGA)).startswith("clock: ω or gait was changed")
+
+
+def spoilt(topic, spoil, start_s, end_s):
+    """A topic's messages in a span of time, each spoilt, and what to keep of the others."""
+    said = []
+    for t_ns, one, cdr in bags.walk(0.2, tuple(enumerate(topics.LEGS))):
+        if one == topic and start_s <= (t_s := (t_ns - bags.START) * 1e-9) <= end_s:
+            message = deserialize_message(cdr, messages.message_class(topic.type))
+            spoil(message)
+            said.append((topic, t_s, message))
+    return {"more": setpoints() + said, "kept": lambda one, t_s: one != topic or not start_s <= t_s <= end_s}
+
+
+@pytest.mark.parametrize("angle", [np.nan, np.inf, 1e300])
+@pytest.mark.parametrize("legs", [1, 6])
+def test_a_robot_that_does_not_say_where_its_legs_are_is_a_silent_one(tmp_path, angle, legs):
+    """Half a trial of NaN was a row that is ok."""
+
+    def spoil(message):
+        message.position[:legs] = array("d", [angle] * legs)
+
+    said = status(tmp_path, **spoilt(topics.LEG_STATES, spoil, 2.0, 9.0))
+    assert said.startswith("robot: no leg states for 2.0")
+    short = row_from_bag(bags.trial_bag(tmp_path / "short", **spoilt(topics.LEG_STATES, spoil, 2.0, 2.1)))
+    assert (short.status, short.speed_m_s) == ("ok", pytest.approx(0.2))
+
+
+def test_joint_states_of_fewer_angles_than_names_are_told(tmp_path):
+    """It was a traceback, of a table of many bags."""
+
+    def spoil(message):
+        message.position = message.position[:3]
+
+    said = status(tmp_path, **spoilt(topics.LEG_STATES, spoil, -1.0, 9.0))
+    assert said == "/leg_states: 3 values for 6 joints"
+
+
+@pytest.mark.parametrize(
+    ("topic", "axis", "m", "until_s", "said"),
+    [
+        (topics.COM, "x", 900.0, 2.0049, "tracking: the centre of mass leaps in x from 0.498 to 900 m at t = 2.00 s"),
+        (topics.COM, "x", 1e300, 2.0049, "ok"),  # one frame in which it is not seen
+        (topics.COM, "x", -5.0, 9.0, "tracking: the centre of mass leaps in x from 0.498 to -5 m at t = 2.00 s"),
+        (topics.FRONT_AXLE, "z", -5.0, 2.1, "tracking: the front axle leaps in z from 0.02"),
+        (topics.REAR_AXLE, "z", 0.2, 9.0, "tracking: the rear axle leaps in z from 0.02"),
+        (topics.COM, "x", 0.54, 2.0049, "ok"),
+        (topics.COM, "z", 1e300, 9.0, "ok"),  # of what no row is computed
+    ],
+)
+def test_a_landmark_that_is_where_no_robot_gets_is_told(tmp_path, topic, axis, m, until_s, said):
+    """Speeds of 3e299 m/s were ok."""
+    given = spoilt(topic, lambda message: setattr(message.point, axis, m), 1.9951, until_s)
+    assert status(tmp_path, **given).startswith(said)
+
+
+def test_a_landmark_beyond_every_trackway_is_not_seen(tmp_path):
+    given = spoilt(topics.COM, lambda message: setattr(message.point, "x", 1e300), -1.0, 9.0)
+    assert status(tmp_path, **given).startswith("tracking lost: no centre of mass for 4.00 s")
+
+
+@pytest.mark.parametrize(("phi", "said"), [(1e300, "1e+300"), (-5.0, "-5"), (1.0, "1"), (0.62, "")])
+def test_what_is_no_volume_fraction_is_no_row(tmp_path, phi, said):
+    given = [(topics.BED_PHI, -0.3, messages.float64(phi))]
+    found = status(tmp_path, without=(topics.BED_PHI.name,), more=setpoints() + given)
+    assert found == (f"bed: φ = {said} in /bed/volume_fraction is no volume fraction" if said else "ok")
+
+
+@pytest.mark.parametrize(("level", "on"), [(np.nan, True), (0.3, True), (0.0, False), (-0.0, False)])
+def test_air_that_may_be_on_while_legs_move_is_told(tmp_path, level, on):
+    blown = [(topics.BED_BLOWER, 1.0, messages.float64(level))]
+    assert (status(tmp_path, more=setpoints() + blown) == "bed: air was on while the legs moved") == on

@@ -27,6 +27,7 @@ from sandbot_bed.protocol import Command, PulseProtocol, Stage
 from sandbot_bed.status import status_message
 from sandbot_common import health, messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.legs import at_rest
 from sandbot_common.process import real_time_while
 from sandbot_common.ros import command_node, endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.timer import Timer
@@ -181,9 +182,9 @@ class BedNode(Node):
         return time.monotonic() - self._legs_moved_s < _LEGS_STILL_S
 
     def _on_legs(self, topic: str, message: JointState) -> None:
-        # NaN != 0: it counts as moving.
-        if any(rate != 0 for rate in message.velocity):
-            self._legs_moved_s, self._motion_topic = time.monotonic(), topic
+        if not at_rest(message.velocity):
+            self._legs_moved_s = time.monotonic()
+            self._motion_topic = topic if message.velocity else f"{topic} gives no rates"
 
     def _on_change(self, settings: BedParameters) -> None:
         if self._protocol.command.stage.busy:

@@ -21,6 +21,7 @@ from sandbot_bringup.supervision import (
 )
 from sandbot_common import messages, topics
 from sandbot_common.health import LEGS_STOPPED, PROCESS, has_ended
+from sandbot_common.legs import at_rest
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.ros.command_node import Rivals
 from sandbot_common.ros.endpoints import names_of, subscription
@@ -271,7 +272,7 @@ class Monitor:
     def _on_legs(self, message: Any) -> None:
         self._heard(_ROBOT, topics.LEG_STATES)
         self.leg_time_ns = messages.nanoseconds(message.header.stamp)
-        self.moving = any(rate != 0.0 for rate in message.velocity)
+        self.moving = not at_rest(message.velocity)
         if self.motion_start_ns is None and self.moving:
             self.motion_start_ns = self.leg_time_ns
 

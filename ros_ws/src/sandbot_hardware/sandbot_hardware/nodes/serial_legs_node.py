@@ -23,7 +23,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.health import LEGS_STOPPED
 from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
-from sandbot_common.legs import check_turning
+from sandbot_common.legs import FARTHEST_RAD, by_leg, check_legs, check_turning
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import Partners, Rivals
@@ -71,15 +71,13 @@ class SerialLegs(Node):
         self._port.close()
 
     def _on_setpoint(self, message: JointState) -> None:
-        place = {name: index for index, name in enumerate(message.name)}
-        whole = len(message.name) == len(message.position) == len(message.velocity)
-        if not whole or any(name not in place for name in self._order):
-            self._refused += 1
-            return
-        angles, rates = (
-            [values[place[name]] for name in self._order] for values in (message.position, message.velocity)
-        )
         self._watch()
+        try:
+            angles, rates = (values.tolist() for values in by_leg(message, self._order))
+        except InputError as error:
+            self._refused += 1
+            self._stop(str(error))
+            return
         t_ns, moving = messages.nanoseconds(message.header.stamp), any(rates)
         if why := self._refusal(t_ns, angles, rates):
             self._refused += 1
@@ -100,8 +98,10 @@ class SerialLegs(Node):
 
     def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
         """Why a set-point is not forwarded; an empty string if it is."""
-        if not np.isfinite([angles, rates]).all():
-            return "an angle or rate is not finite"
+        try:
+            check_legs(np.array(angles), np.array(rates))
+        except InputError as error:
+            return str(error)
         if why := self._rivals.fault():
             return why
         now_ns, moving = time.monotonic_ns(), any(rates)
@@ -163,7 +163,7 @@ class SerialLegs(Node):
             self._led.publish(messages.header(t_ns, "sync_led"))
         elif len(line.values) == 1 + 3 * len(self._order):
             angles, rates, efforts = map(np.asarray, lines.split(line.values[1:], len(self._order)))
-            if not self._moving:
+            if not self._moving and (np.abs(angles) <= FARTHEST_RAD).all():  # NaN is no place to hold a leg at
                 self._held = angles.tolist()
             self._states.publish(messages.joint_state(t_ns, self._order, angles, rates, efforts))
 

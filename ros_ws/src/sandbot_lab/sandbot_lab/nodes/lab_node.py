@@ -27,6 +27,7 @@ from sandbot_common import health, messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.legs import by_leg, check_legs
 from sandbot_common.process import ordinary, real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
@@ -150,7 +151,13 @@ class LabNode(Node):
 
     def _obey(self, message: JointState) -> bool:
         """Obey a set-point, and return whether it was valid: a refused one does not renew the lease."""
-        t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message, self._order)
+        try:
+            angles, rates = by_leg(message, self._order)
+            check_legs(angles, rates)
+        except InputError as error:
+            self._refuse(str(error))
+            return False
+        t_ns = messages.nanoseconds(message.header.stamp)
         moving = bool(np.any(rates))
         began_before = moving and self._legs_lapsed is None and np.abs(angles).max() > A_TURN_RAD
         if self._legs_lapsed or began_before:
@@ -326,17 +333,6 @@ def camera_info(camera: Calibration) -> CameraInfo:
     """A camera's intrinsics as a message; its header is set when it is sent."""
     matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
     return messages.camera_info(0, "", (camera.width, camera.height), matrix, camera.distortion)
-
-
-def _legs(message: JointState, order: Sequence[str]) -> tuple[Any, Any]:
-    """Angles and rates (legs,) in this order, by name; NaN (refused later) where one is missing."""
-    place = {name: index for index, name in enumerate(message.name)}
-    angles, rates = np.full((2, len(order)), np.nan)
-    for leg, name in enumerate(order):
-        index = place.get(name, len(message.position))
-        if index < len(message.position) and index < len(message.velocity):
-            angles[leg], rates[leg] = message.position[index], message.velocity[index]
-    return angles, rates
 
 
 def main(argv: Sequence[str] | None = None) -> int:

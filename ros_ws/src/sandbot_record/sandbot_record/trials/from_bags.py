@@ -17,7 +17,7 @@ from sandbot_common import delimited_text, files, topics
 from sandbot_common.arrays import Floats
 from sandbot_common.errors import InputError
 from sandbot_common.host_clock import never_set
-from sandbot_common.legs import leg_mount_rad
+from sandbot_common.legs import FARTHEST_RAD, leg_mount_rad
 from sandbot_common.parallel import Workers, one_per_cpu
 from sandbot_common.robot import FILE, SANDBOT, Robot
 from sandbot_common.typed import number_or_nan
@@ -362,7 +362,7 @@ def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
         _aligned(frames, *front, 2),
         _aligned(frames, *rear, 2),
         (leg_ns - zero_ns) * 1e-9,
-        legs["position"][first],
+        _within(FARTHEST_RAD, legs["position"][first]),
         robot=robot,
     )
     return summary, round(1e9 / float(np.median(np.diff(frames))), 1) if len(frames) > 1 else math.nan
@@ -373,8 +373,14 @@ def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
     found = []
     for topic in topics.LANDMARKS.values():
         columns = bag.columns(topic.name, *_POINT, *FIELD_STAMP)
-        found.append((columns.stamp_ns, np.column_stack([columns[name] for name in _POINT])))
+        xyz = np.column_stack([columns[name] for name in _POINT])
+        found.append((columns.stamp_ns, _within(judge.FAR_M, xyz)))
     return found
+
+
+def _within(limit: float, values: Floats) -> Floats:
+    """The values, NaN where they are beyond what can be meant."""
+    return np.where(np.abs(values) <= limit, values, np.nan)
 
 
 def _aligned(frames: Any, stamps: Any, xyz: Floats, axis: int) -> Floats:

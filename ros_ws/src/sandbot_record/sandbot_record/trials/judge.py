@@ -6,6 +6,7 @@ Only the recorded data are judged, whether live or in batch, here or elsewhere; 
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.legs import FARTHEST_RAD
 from sandbot_record.bags.reader import FIELD_STAMP, Bag, Columns
 from sandbot_record.bags.recording import CLOCK_SET, PAUSED, PAUSED_TO_THE_END
 from sandbot_record.trials import camera_reports
@@ -34,6 +36,11 @@ MIN_FOLLOWED = 0.5
 commanded turn; weak motors may fall behind, which is physics."""
 TRACKING_GAP_S = 0.15
 """Longest time for which a landmark may be out of sight."""
+LEAP_M, LEAP_M_S = 0.05, 10.0
+"""The farthest that a landmark moves between two frames: by the first at once, and at the second speed. Beyond, two
+different things were taken for it."""
+FAR_M = 1000.0
+"""No trackway is longer: a landmark beyond is not seen."""
 PHI_DRIFT = 0.003
 """Largest change of φ between the end of the preparation and that of the trial; three times its tolerance."""
 
@@ -163,7 +170,7 @@ def _periodic(bag: Bag, moving: Times, omega_rad_s: float) -> str:
 
 
 def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
-    states = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
+    states = _angles_only(bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP))
     if gap := _gap(states.stamp_ns, start_ns, end_ns, ROBOT_GAP_S):
         return _behind(bag) or f"robot: no leg states for {gap}"
     if not _has(bag, topics.LEG_SETPOINTS.name):
@@ -173,6 +180,15 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
     if turned < MIN_FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad commanded"
     return _each_leg(bag, commanded, states, start_ns, end_ns)
+
+
+def _angles_only(states: Columns) -> Columns:
+    """The leg states in which every leg has an angle; NaN says nothing of a leg."""
+    said = (np.abs(states["position"]) <= FARTHEST_RAD).all(axis=1)
+    fields = {name: values[said] for name, values in states.fields.items()}
+    return replace(
+        states, log_time_ns=states.log_time_ns[said], publish_time_ns=states.publish_time_ns[said], fields=fields
+    )
 
 
 def _each_leg(bag: Bag, commanded: Columns, states: Columns, start_ns: int, end_ns: int) -> str:
@@ -230,20 +246,43 @@ def _turned(stamps: Times, angles: NDArray[np.float64], start_ns: int, end_ns: i
 
 
 def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
+    lateral = _has_lateral_camera(bag)
     for topic, name in _LANDMARKS.items():
-        if topic != topics.COM.name and not _has_lateral_camera(bag):
-            continue
+        needed = lateral or topic == topics.COM.name
         if not _has(bag, topic):
-            return f"tracking lost: no {name}"
-        columns = bag.columns(topic, "point.x", *FIELD_STAMP)
-        seen = np.isfinite(columns["point.x"])
-        stamps, x_m = columns.stamp_ns[seen], columns["point.x"][seen]
-        if gap := _gap(stamps, start_ns, end_ns, TRACKING_GAP_S):
-            # The last position distinguishes a hidden marker from a robot that walked out of the picture.
-            before = stamps <= start_ns + round(gap.at_s * 1e9)
-            where = f", last seen at x = {x_m[before][-1]:.2f} m" if before.any() else ""
-            return f"tracking lost: no {name} for {gap}{where}"
+            if needed:
+                return f"tracking lost: no {name}"
+            continue
+        used = "point.x" if topic == topics.COM.name else "point.z"
+        columns = bag.columns(topic, *{"point.x", used}, *FIELD_STAMP)
+        if why := needed and _unseen(columns, start_ns, end_ns):
+            return f"tracking lost: no {name} for {why}"
+        if leap := _leap(columns.stamp_ns, columns[used], start_ns, end_ns):
+            return f"tracking: the {name} leaps in {used[-1]} {leap}"
     return ""
+
+
+def _unseen(columns: Columns, start_ns: int, end_ns: int) -> str:
+    """For how long a landmark was out of sight, if too long, and where it was last."""
+    seen = np.abs(columns["point.x"]) <= FAR_M
+    stamps, x_m = columns.stamp_ns[seen], columns["point.x"][seen]
+    if not (gap := _gap(stamps, start_ns, end_ns, TRACKING_GAP_S)):
+        return ""
+    # The last position distinguishes a hidden marker from a robot that walked out of the picture.
+    before = stamps <= start_ns + round(gap.at_s * 1e9)
+    return f"{gap}, last seen at x = {x_m[before][-1]:.2f} m" if before.any() else str(gap)
+
+
+def _leap(stamps: Times, values_m: NDArray[np.float64], start_ns: int, end_ns: int) -> str:
+    """The first step between two frames that no robot makes; empty if there is none."""
+    within = (stamps >= start_ns) & (stamps <= end_ns) & (np.abs(values_m) <= FAR_M)
+    order = np.argsort(stamps[within], kind="stable")
+    t_s, at_m = (stamps[within][order] - start_ns) * 1e-9, values_m[within][order]
+    far = np.abs(np.diff(at_m)) > LEAP_M + LEAP_M_S * np.diff(t_s)
+    if not far.any():
+        return ""
+    after = int(np.argmax(far)) + 1
+    return f"from {at_m[after - 1]:.3g} to {at_m[after]:.3g} m at t = {t_s[after]:.2f} s"
 
 
 def _has_lateral_camera(bag: Bag) -> bool:
@@ -275,11 +314,15 @@ def _bed(bag: Bag, start_ns: int, end_ns: int) -> str:
     if _has(bag, topics.BED_BLOWER.name):
         blower = bag.columns(topics.BED_BLOWER.name, "data")
         during = (blower.log_time_ns > start_ns) & (blower.log_time_ns < end_ns)
-        if (blower["data"][during] > 0).any():
+        if not (blower["data"][during] <= 0).all():  # NaN may be on
             return "bed: air was on while the legs moved"
-    if not (_has(bag, topics.BED_HEIGHT.name) and _has(bag, topics.BED_PHI.name)):
+    if not _has(bag, topics.BED_PHI.name):
         return ""
     phi = bag.columns(topics.BED_PHI.name, "data")
+    if not 0 < phi["data"][-1] < 1:
+        return f"bed: φ = {phi['data'][-1]:.4g} in {topics.BED_PHI.name} is no volume fraction"
+    if not _has(bag, topics.BED_HEIGHT.name):
+        return ""
     height = bag.columns(topics.BED_HEIGHT.name, "range")
     prepared = (height.log_time_ns > phi.log_time_ns[-1]) & (height.log_time_ns < start_ns)
     trodden = height.log_time_ns > (start_ns + end_ns) // 2

@@ -19,6 +19,9 @@ def in_leg_order(bag: Bag, topic: str, columns: Columns, order: Sequence[str]) -
     naming a leg that is missing.
     """
     recorded = joint_names(bag, topic)
+    joints = len(recorded or order)
+    if odd := [values.shape[1] for values in columns.fields.values() if values.ndim == 2 and values.shape[1] != joints]:
+        raise InputError(f"{topic}: {odd[0]} values for {joints} {'joints' if recorded else 'legs'}")
     if not recorded or recorded == list(order):
         return columns
     if missing := [name for name in order if name not in recorded]:
