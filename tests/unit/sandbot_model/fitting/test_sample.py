@@ -1,6 +1,5 @@
 """A sample of what data do not exclude: a parabola's covariance, ends that are kept, members that find back."""
 
-import emcee
 import numpy as np
 
 from sandbot_model.fitting import sample
@@ -84,6 +83,9 @@ def test_what_it_is_off_by_on_a_day_is_sampled(smooth):
 
 
 def test_a_member_that_is_lost_is_put_where_others_are(smooth):
+    # Here and not above: all workers collect this file, one runs it, and scipy.stats comes with it.
+    import emcee
+
     ensemble = _Ensemble(smooth.problem, smooth.state, known(smooth))
     members = np.repeat(ensemble.here[None], 10, axis=0)
     members[3] += 0.5
