@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_model.data.pure_error import FLOOR, PRIOR_DOF, consistent_cells, pure_error, without_batch_effects
+from sandbot_model.data.pure_error import (
+    FLOOR,
+    PRIOR_DOF,
+    consistent_cells,
+    pure_error,
+    within_batches,
+    without_batch_effects,
+)
 
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
@@ -222,3 +229,45 @@ def test_conditions_that_stop_walking_on_a_soft_day_are_no_scale_of_the_readings
     np.testing.assert_allclose(error.sd, SCALE, rtol=0.3)
     assert error.own[::5].all()
     assert scatter(np.ones(40, dtype=bool)).sd[0] > 2 * SCALE[0]
+
+
+def test_batches_that_differ_otherwise_in_each_cell_leave_the_scatter_within_them():
+    """Another k changes each cell differently; controls: batches alike, one trial a cell of each, and nested ones."""
+    residual, cell, count, walking, omega, usual = scattered()
+    every, table = np.ones(40, dtype=bool), np.tile(np.array(["one", "one", "two", "two"]), 40)
+    response = np.repeat(np.linspace(-3.0, 6.0, 40), 4) * SCALE[0] * (table == "two")
+    off = residual + about_means(response[:, None] * [1, 0, 0, 0], cell, 4)
+    found, independent = within_batches(off, cell, count, table, every)
+    np.testing.assert_array_equal(independent[:, 0], 3)
+    error = pure_error(found, cell, independent, walking, omega, usual)
+    np.testing.assert_allclose(error.sd, SCALE, rtol=0.3)
+    assert error.dof[0] >= 60
+    assert pure_error(off, cell, count, walking, omega, usual).sd[0] > 1.5 * SCALE[0]
+    np.testing.assert_array_equal(found[:, 1:], residual[:, 1:])
+    np.testing.assert_array_equal(independent[:, 1:], count[:, 1:])
+    for values, batch in ((residual, table), (off, np.tile(np.array(list("abcd")), 40)), (off, cell.astype(str))):
+        same, all_of_them = within_batches(values, cell, count, batch, every)
+        np.testing.assert_array_equal(same, values)
+        np.testing.assert_array_equal(all_of_them, count)
+
+
+def test_where_one_batch_walks_and_another_swims_their_difference_is_scatter():
+    residual, cell, count, *_ = scattered()
+    table = np.tile(np.array(["one", "one", "two", "two"]), 40)
+    off = residual + about_means(np.where(table == "two", 0.1, 0.0)[:, None] * np.ones(4), cell, 4)
+    some = np.arange(40) > 0
+    found, independent = within_batches(off, cell, count, table, some)
+    np.testing.assert_array_equal(found[:4], off[:4])
+    np.testing.assert_array_equal(independent[:2], [[4] * 4, [3] * 4])
+
+
+def test_too_few_trials_within_batches_tell_no_scatter():
+    """Eleven pairs within batches; control: twelve."""
+    rng = np.random.default_rng(0)
+    for cells, told in ((11, False), (12, True)):
+        cell, count = np.repeat(np.arange(cells), 3), np.full((cells, 1), 3)
+        table = np.tile(np.array(["one", "one", "two"]), cells)
+        values = rng.normal(0, 1, (3 * cells, 1)) + 20.0 * (table == "two")[:, None]
+        residual = about_means(values, cell, 3)
+        _, independent = within_batches(residual, cell, count, table, np.ones(cells, dtype=bool))
+        assert (independent < count).all() == told

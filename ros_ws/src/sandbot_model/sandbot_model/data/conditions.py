@@ -16,7 +16,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
-from sandbot_model.data.pure_error import consistent_cells, pure_error, without_batch_effects
+from sandbot_model.data.pure_error import consistent_cells, pure_error, within_batches, without_batch_effects
 from sandbot_model.data.regime import (
     lifts_cut_off,
     peaks_of_some,
@@ -212,7 +212,8 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     walking = walks(cells.means(values))
     values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     # Where some of a condition walked, the mean is of all its trials.
-    all_swam = np.bincount(cell, walks(values)) == 0
+    walked = np.bincount(cell, walks(values), cells.count)
+    all_swam = walked == 0
     values[lifts_cut_off(values) & all_swam[cell], Observable.lift] = np.nan
     rounding = rounding_sd(values)
     values = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi, walking)
@@ -222,7 +223,9 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     residual = values - mean[cell]
     consistent = consistent_cells(residual, cell, count, walking, cells.mean(omega), rounding)
     residual = without_batch_effects(residual, cell, shape, batch, consistent)
-    of_replicates = pure_error(residual, cell, count, walking, cells.mean(omega), usual, rounding)
+    one_regime = all_swam | (walked == np.bincount(cell))
+    residual, independent = within_batches(residual, cell, count, batch, consistent & one_regime)
+    of_replicates = pure_error(residual, cell, independent, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     bars = cells.means(stated_bars(stated, slope).T).T
     error = with_stated(of_replicates, bars, walking, cells.mean(omega), usual)

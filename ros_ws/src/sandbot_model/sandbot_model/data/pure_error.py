@@ -180,6 +180,40 @@ def _batch_terms(residual: Floats, cell: Ints, batch: Ints, shape: Floats, batch
     return (terms, float(np.sqrt(dof / (dof - lost)))) if differ else none
 
 
+def within_batches(
+    residual: Floats, cell: Ints, count: Ints, batch: NDArray[np.str_], some: Bools
+) -> tuple[Floats, Ints]:
+    """Residuals ``(trials, 4)`` about the mean of their cell and ``batch (trials,)``, and ``count (cells, 4)`` less the
+    degrees of freedom this costs; unchanged in an observable whose batches do not differ.
+
+    Unlike a zero or a scale, another k changes each cell differently; no difference between batches is in the scatter
+    within them. Only ``some (cells,)`` are changed and compared: where one batch walks and another swims, their
+    difference is a mixture's scatter.
+    """
+    found, left = residual.copy(), count.copy()
+    group, index = np.unique(np.stack([cell, np.unique(batch, return_inverse=True)[1]]), axis=1, return_inverse=True)
+    for column in range(residual.shape[1]):
+        used = some[cell] & np.isfinite(residual[:, column])
+        values, of_group = residual[used, column], index[used]
+        trials = np.bincount(of_group, minlength=group.shape[1])
+        mean = np.bincount(of_group, values, group.shape[1]) / np.maximum(trials, 1)
+        batches = np.bincount(group[0], trials > 0, len(count)).astype(np.int64)
+        between, within = np.maximum(batches - 1, 0), values - mean[of_group]
+        squares, dof = float(within @ within), len(values) - int(batches.sum())
+        if _exceeds(float(values @ values) - squares, int(between.sum()), squares, dof):
+            found[used, column] = within
+            left[:, column] -= between
+    return found, left
+
+
+def _exceeds(between: float, dof: int, within: float, dof_within: int) -> bool:
+    """Whether a sum of squares between batches exceeds what scatter within them, if well enough known, would give."""
+    if dof < 1 or dof_within < FEW_REPLICATES:
+        return False
+    ratio = between / dof / max(within / dof_within, FLOOR**2)
+    return bool(f_sf(np.array(ratio), np.array(float(dof)), np.array(float(dof_within))) < BATCHES_DIFFER)
+
+
 def effective_dof(dof: Ints) -> Floats:
     """Degrees of freedom of a scatter ``(4,)``, including those of the prior where replicates are few."""
     return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR_DOF, 0.0))

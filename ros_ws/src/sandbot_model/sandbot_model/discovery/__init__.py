@@ -9,6 +9,7 @@ verdict          the rules; criteria: their thresholds
   partial        one effect repairs most; untested: whether pure error is known well enough
   sharing        with nuisances; nuisances_about, structure: batch offsets, and whether they are
                  random; batch_sd: their standard deviations; nuisances_in_words: as text
+                 batches_apart: whether k of two batches differs by more than a bed's
   checks of a claim: calibration_error, conventions, leg_radius, lone_trials, one_observable, other_sign,
                          plausibility, smooth, stability
 assumed          what nobody said: robot, gait, cameras, bed; other_gait: whether the verdict depends on the gait

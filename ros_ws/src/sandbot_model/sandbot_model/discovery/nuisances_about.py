@@ -209,7 +209,7 @@ def _replicates(fit: Fit, criteria: Criteria, *, drifts: bool) -> tuple[Floats, 
 
     ``drifts``: whether contrasts may be due to a drift, as well as to the batches' beds; to these alone otherwise.
     """
-    contrasts, between = _within_cell_contrasts(fit)
+    contrasts, between = within_cell_contrasts(fit)
     return contrasts, between, _drift_and_readings(fit, criteria) if drifts else np.zeros((len(contrasts), 1))
 
 
@@ -231,7 +231,7 @@ def _scatter_posterior(
     return given, *gains_for_errors(*given, criteria.bed_scatter)
 
 
-def _within_cell_contrasts(fit: Fit) -> tuple[Floats, Floats]:
+def within_cell_contrasts(fit: Fit) -> tuple[Floats, Floats]:
     """Whitened contrasts between batches within cells ``(m,)``, and their slopes by each batch's ln k ``(m, b)``.
 
     They do not depend on the model's prediction of the cell mean.

@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 
 from sandbot_model.data.regime import walks
-from sandbot_model.discovery import one_value, repeats
+from sandbot_model.discovery import batches_apart, one_value, repeats
 from sandbot_model.discovery.calibration_error import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import what_it_lacks
 from sandbot_model.discovery.criteria import Criteria
@@ -41,6 +41,7 @@ def remarked(
 ) -> Verdict:
     """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     remarks = [implausible_k(search.fits[()]), repeats.in_words(repeats.odd_one_out(verdict, named), named)]
+    remarks.append(batches_apart.in_words(named, search.criteria))
     if verdict.status == "adequate":
         remarks.append(too_few_walked(search.fits[()]))
         remarks.append(what_it_lacks(search.fits, search.criteria))
