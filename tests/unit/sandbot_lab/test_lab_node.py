@@ -84,7 +84,7 @@ def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
 
 @pytest.mark.parametrize(("lab", "alike"), [(0, False), (5, True)], indirect=["lab"])
 def test_a_robot_that_is_told_no_seed_walks_otherwise_in_each_trial(lab, beside, heard, alike):
-    """Replicates of one chance share one error, which a model takes for an effect."""
+    """Replicates of one chance share one error, which no analysis can see."""
     legs = endpoints.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.until(lambda: legs.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))

@@ -52,10 +52,9 @@ def _unplaced(before: Values, after: Values) -> str:
             continue
         if health.figure(after, frames) > health.figure(before, frames):
             behind_s = health.figure(after, health.of_camera(camera, health.BEHIND_MS)) * 1e-3
-            return (
-                f"the {camera} camera's frames arrive {behind_s:.1f} s late, or its clock is off by that, "
-                "and its frames did not show the LED go on"
-            )
+            off = f"frames arrive {behind_s:.1f} s late, or its clock is off by that,"
+            off = off if behind_s > 0 else f"clock is {-behind_s:.1f} s ahead of the robot's"
+            return f"the {camera} camera's {off} and its frames did not show the LED go on"
     return ""
 
 
