@@ -59,7 +59,7 @@ def test_frames_of_unknown_time_are_named_with_their_camera_and_delay(clock, fra
     late = "the lateral camera's frames arrive 1.5 s late, or its clock is off by that"
     assert fault.startswith(late) if said else not fault
     ahead = camera_fault({"lateral_frames": "70"}, after | {"lateral_behind_robot_ms": "-1503"})
-    assert ahead.startswith("the lateral camera's clock is 1.5 s ahead of the robot's, and") if said else not ahead
+    assert ahead.startswith("the lateral camera's clock is 1.5 s ahead of the robot's and ") if said else not ahead
 
 
 @pytest.mark.parametrize("odd", ["", "abc", "nan", "0", "1.5", "-3", "1" * 5000])
