@@ -67,10 +67,10 @@ def test_no_trial_begins_while_legs_say_that_they_move(monitor, node):
 
 
 @pytest.mark.parametrize(("rates", "moving"), [([], True), ([np.nan], True), ([0.0, -1.0], True), ([0.0] * 6, False)])
-def test_legs_rest_only_when_their_rates_say_so(hearing, rates, moving):
+def test_legs_rest_only_when_their_rates_say_so(monitor, rates, moving):
     six = np.zeros(6)
-    hearing._on_legs(messages.joint_state(1, topics.LEGS, six, np.array(rates), six))
-    assert hearing.moving == moving
+    monitor._on_legs(messages.joint_state(1, topics.LEGS, six, np.array(rates), six))
+    assert monitor.moving == moving
 
 
 @pytest.mark.parametrize(

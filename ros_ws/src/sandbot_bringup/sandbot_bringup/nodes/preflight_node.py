@@ -39,14 +39,14 @@ class Preflight:
     """Checks that a campaign and its trials may begin; the error says what is missing."""
 
     def __init__(self, node: Node, monitor: Monitor, services: ServiceClients, wait: Wait) -> None:
-        self._node, self._monitor, self._services, self._wait = node, monitor, services, wait
+        self._node, self._monitor, self._service_clients, self._wait = node, monitor, services, wait
         self.has_lab = False
         """Whether the robot is the virtual lab."""
 
     def find_nodes(self) -> None:
         """Wait for everything a trial needs. Raises InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
-            if not self._wait(partial(self._services.is_offered, name), DISCOVERY_S):
+            if not self._wait(partial(self._service_clients.is_offered, name), DISCOVERY_S):
                 raise self._nobody("offers", name)
         for topic in (topics.LEG_STATES, topics.COM):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
@@ -60,7 +60,7 @@ class Preflight:
         if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
             raise InputError(f"the node that publishes {topics.LEG_STATES.name} has no known name; {_START_THEM}")
         self.has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
-        if self.has_lab and not self._wait(partial(self._services.is_offered, "/lab/reset"), DISCOVERY_S):
+        if self.has_lab and not self._wait(partial(self._service_clients.is_offered, "/lab/reset"), DISCOVERY_S):
             raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
         if not self._wait(lambda: set(self._required) <= self._monitor.statuses.keys(), DISCOVERY_S):
             missing = next(name for name in self._required if name not in self._monitor.statuses)
