@@ -36,9 +36,10 @@ def at_rest(rates: Sequence[float]) -> bool:
 
 
 def by_leg(message: Any, order: Sequence[str]) -> tuple[Angles, Angles]:
-    """Angles and rates (legs,) of a joint state, in this order, by name.
+    """Angles and rates (legs,) of a set-point, in this order, by name.
 
-    Raises InputError if a leg is missing, or if there is not one angle and one rate for each name.
+    Raises InputError if a leg is missing, if there is not one angle and one rate for each name, or if no leg can follow
+    them.
     """
     counts = len(message.name), len(message.position), len(message.velocity)
     if len(set(counts)) != 1:
@@ -47,7 +48,9 @@ def by_leg(message: Any, order: Sequence[str]) -> tuple[Angles, Angles]:
     if missing := [name for name in order if name not in place]:
         raise InputError(f"set-points: no leg {missing[0]!r} among {', '.join(message.name) or 'no names'}")
     at = [place[name] for name in order]
-    return np.asarray(message.position, np.float64)[at], np.asarray(message.velocity, np.float64)[at]
+    angles, rates = (np.asarray(values, np.float64)[at] for values in (message.position, message.velocity))
+    check_legs(angles, rates)
+    return angles, rates
 
 
 def check_legs(angles: Angles, rates: Angles) -> None:

@@ -23,7 +23,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.health import LEGS_STOPPED
 from sandbot_common.host_clock import HostClock
 from sandbot_common.lease import Lease
-from sandbot_common.legs import FARTHEST_RAD, by_leg, check_legs, check_turning
+from sandbot_common.legs import FARTHEST_RAD, by_leg, check_turning
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
 from sandbot_common.ros.command_node import Partners, Rivals
@@ -98,10 +98,6 @@ class SerialLegs(Node):
 
     def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
         """Why a set-point is not forwarded; an empty string if it is."""
-        try:
-            check_legs(np.array(angles), np.array(rates))
-        except InputError as error:
-            return str(error)
         if why := self._rivals.fault():
             return why
         now_ns, moving = time.monotonic_ns(), any(rates)

@@ -27,7 +27,7 @@ from sandbot_common import health, messages, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.legs import by_leg, check_legs
+from sandbot_common.legs import by_leg
 from sandbot_common.process import ordinary, real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.ros import endpoints, node, ros_health, ros_parameters
@@ -153,7 +153,6 @@ class LabNode(Node):
         """Obey a set-point, and return whether it was valid: a refused one does not renew the lease."""
         try:
             angles, rates = by_leg(message, self._order)
-            check_legs(angles, rates)
         except InputError as error:
             self._refuse(str(error))
             return False

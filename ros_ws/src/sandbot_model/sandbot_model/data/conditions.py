@@ -208,7 +208,7 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     cell, keys = conditions(phi, trials.gait, omega)
     level = keys[0, cell]
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
-    level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
+    level_phi, cell_phi, cell_omega = levels.mean(phi), cells.mean(phi), cells.mean(omega)
     walking = walks(cells.means(values))
     values[peaks_of_some(values, cell), Observable.peak_speed] = np.nan
     # Where some of a condition walked, the mean is of all its trials.
@@ -221,14 +221,14 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     usual = usual_noise(accuracy)
     shape = np.where(np.arange(len(Observable)) == Observable.lift, 1.0, mean)
     residual = values - mean[cell]
-    consistent = consistent_cells(residual, cell, count, walking, cells.mean(omega), rounding)
+    consistent = consistent_cells(residual, cell, count, walking, cell_omega, rounding)
     residual = without_batch_effects(residual, cell, shape, batch, consistent)
     one_regime = all_swam | (walked == np.bincount(cell))
     residual, independent = within_batches(residual, cell, count, batch, consistent & one_regime)
-    of_replicates = pure_error(residual, cell, independent, walking, cells.mean(omega), usual, rounding)
+    of_replicates = pure_error(residual, cell, independent, walking, cell_omega, usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     bars = cells.means(stated_bars(stated, slope).T).T
-    error = with_stated(of_replicates, bars, walking, cells.mean(omega), usual)
+    error = with_stated(of_replicates, bars, walking, cell_omega, usual)
     alike = shared_rounding_variance(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _covariance_of_means(error.covariance, count, usual) + _shared_covariance(mean, accuracy, alike)
     questioned = far_apart(error.sd, usual).sum() >= AGREEING
@@ -237,7 +237,7 @@ def _gather(trials: Trials, values: Floats, stated: Floats, accuracy: Accuracy, 
     share, by_batch, batch_order = _by_batch(batch, values, position, cells)
     return Cells(
         phi=cell_phi,
-        omega=cells.mean(omega),
+        omega=cell_omega,
         gait=names,
         clock=clock(names),
         level=keys[0],

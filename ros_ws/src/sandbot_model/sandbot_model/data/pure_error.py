@@ -83,7 +83,7 @@ def pooled_error(
     """Pool the cells' sums of squares and products ``square (cells, m, m)`` of ``dof (cells, m)`` degrees of freedom
     each; the rest as in ``pure_error``, for any number m of observables.
     """
-    least = np.full(len(usual), FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
+    least = _least(rounding, len(usual))
     variance, dof = np.diagonal(square, axis1=1, axis2=2), dof.copy()
     regimes = _regimes(walking)
     keep = _consistent(variance, dof, omega, regimes, least)
@@ -105,12 +105,17 @@ def pooled_error(
 
 
 def consistent_cells(
-    residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats, least: Floats | None = None
+    residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats, rounding: Floats | None = None
 ) -> Bools:
     """Cells ``(n,)`` that scatter no more than the others of their regime; arguments as in ``pure_error``."""
     variance = np.diagonal(_squares(residual, cell, count), axis1=1, axis2=2)
-    floor = np.maximum(FLOOR, np.zeros(count.shape[1]) if least is None else least)
-    return _consistent(variance, np.maximum(count - 1, 0), omega, _regimes(walking), floor)
+    least = _least(rounding, count.shape[1])
+    return _consistent(variance, np.maximum(count - 1, 0), omega, _regimes(walking), least)
+
+
+def _least(rounding: Floats | None, observables: int) -> Floats:
+    """The smallest credible standard deviation of each observable."""
+    return np.full(observables, FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
 
 
 def _regimes(walking: Bools) -> list[Bools]:
@@ -160,7 +165,7 @@ def _batch_terms(residual: Floats, cell: Ints, batch: Ints, shape: Floats, batch
     which degrees of freedom lost to them reduce the residuals."""
     none, counts = (np.zeros(batches), 1.0), _counts(cell, batch, len(shape), batches)
     in_cell, measured = np.maximum(counts.sum(axis=1), 1.0), counts.any(axis=1)
-    shape, dof = np.where(measured, shape, 0.0), len(cell) - np.count_nonzero(measured)
+    shape, dof = np.where(measured, shape, 0.0), len(cell) - int(np.count_nonzero(measured))
     # Batches that share no cell with others add nothing to residuals about cell means.
     shared = counts[np.count_nonzero(counts, axis=1) > 1].any(axis=0)
     if not 1 < np.count_nonzero(shared) <= dof:
@@ -168,16 +173,21 @@ def _batch_terms(residual: Floats, cell: Ints, batch: Ints, shape: Floats, batch
     weights = counts[:, shared] * shape[:, None]
     variance, axes = np.linalg.eigh(np.diag(weights.T @ shape) - weights.T @ (weights / in_cell[:, None]))
     told = variance > SINGULAR * variance.max()
-    lost, axes = np.count_nonzero(told), axes[:, told] / np.sqrt(variance[told])
+    lost, axes = int(np.count_nonzero(told)), axes[:, told] / np.sqrt(variance[told])
     if not 0 < lost < dof:
         return none
     terms = np.zeros(batches)
     terms[shared] = axes @ (axes.T @ np.bincount(batch, shape[cell] * residual, batches)[shared])
     rest = residual - shape[cell] * (terms[batch] - (counts @ terms / in_cell)[cell])
-    within = max(float(rest @ rest) / (dof - lost), FLOOR**2)
-    ratio = (residual @ residual - rest @ rest) / lost / within
-    differ = f_sf(np.array(ratio), np.array(float(lost)), np.array(float(dof - lost))) < BATCHES_DIFFER
+    within = float(rest @ rest)
+    differ = _differ(float(residual @ residual) - within, lost, within, dof - lost)
     return (terms, float(np.sqrt(dof / (dof - lost)))) if differ else none
+
+
+def _differ(between: float, dof: int, within: float, dof_within: int) -> bool:
+    """Whether a sum of squares between batches exceeds what scatter within them would give (F-test)."""
+    ratio = between / dof / max(within / dof_within, FLOOR**2)
+    return bool(f_sf(np.array(ratio), np.array(float(dof)), np.array(float(dof_within))) < BATCHES_DIFFER)
 
 
 def within_batches(
@@ -199,19 +209,11 @@ def within_batches(
         mean = np.bincount(of_group, values, group.shape[1]) / np.maximum(trials, 1)
         batches = np.bincount(group[0], trials > 0, len(count)).astype(np.int64)
         between, within = np.maximum(batches - 1, 0), values - mean[of_group]
-        squares, dof = float(within @ within), len(values) - int(batches.sum())
-        if _exceeds(float(values @ values) - squares, int(between.sum()), squares, dof):
+        squares, lost, dof = float(within @ within), int(between.sum()), len(values) - int(batches.sum())
+        if lost and dof >= FEW_REPLICATES and _differ(float(values @ values) - squares, lost, squares, dof):
             found[used, column] = within
             left[:, column] -= between
     return found, left
-
-
-def _exceeds(between: float, dof: int, within: float, dof_within: int) -> bool:
-    """Whether a sum of squares between batches exceeds what scatter within them, if well enough known, would give."""
-    if dof < 1 or dof_within < FEW_REPLICATES:
-        return False
-    ratio = between / dof / max(within / dof_within, FLOOR**2)
-    return bool(f_sf(np.array(ratio), np.array(float(dof)), np.array(float(dof_within))) < BATCHES_DIFFER)
 
 
 def effective_dof(dof: Ints) -> Floats:

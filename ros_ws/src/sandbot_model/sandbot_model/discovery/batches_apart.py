@@ -21,10 +21,9 @@ def in_words(fit: Fit, criteria: Criteria) -> str:
         return ""
     batches = fit.cells.batch_share
     assert batches is not None
-    who = "the two batches differ" if batches.shape[1] == 2 else "batches differ"
-    upto = "" if batches.shape[1] == 2 else "up to "
+    differ_by = "the two batches differ by" if batches.shape[1] == 2 else "batches differ by up to"
     return (
-        f"{who} by {upto}{100 * apart:.1f} ± {100 * error:.1f} % in k, and a bed by {100 * criteria.bed_scatter:.1g} % "
+        f"{differ_by} {100 * apart:.1f} ± {100 * error:.1f} % in k, and a bed by {100 * criteria.bed_scatter:.1g} % "
         "(s.d.): were they prepared alike? Judge each by itself, too"
     )
 
